@@ -1,0 +1,42 @@
+//! What trains the learned part of the map. `cpu/` and `gpu/` stand behind one trait, share
+//! topology, plan and random numbers, and can be compared value by value.
+
+use glam::Vec3;
+
+use crate::modality::Explicit;
+use crate::octree::NodeSource;
+
+/// Which part of a ray a training sample stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+pub enum SampleKind {
+    /// Stratified in free space between the camera and the surface.
+    Free = 0,
+    /// Perturbed around the surface.
+    Perturbed = 1,
+    /// On the surface.
+    Surface = 2,
+}
+
+/// The samples of one training step, column by column.
+#[derive(Debug, Clone, Default)]
+pub struct Batch {
+    /// World metres.
+    pub points: Vec<Vec3>,
+    pub kinds: Vec<SampleKind>,
+    /// Signed distance label, m.
+    pub distances: Vec<f32>,
+    /// Occupancy label: 0 free, 0.75 on the surface, 1 behind.
+    pub occupancies: Vec<f32>,
+    /// Whether the sample pays the Eikonal loss.
+    pub eikonal: Vec<bool>,
+}
+
+/// What the host owns and a step reads.
+pub struct Host<'a, N: NodeSource> {
+    pub nodes: &'a N,
+    /// Closed-form (d, g) by vertex row.
+    pub prior: &'a [Explicit],
+    /// World position of each vertex row, m.
+    pub positions: &'a [Vec3],
+}

@@ -1,0 +1,92 @@
+//! The one error type of the library and its one table of outcomes.
+//!
+//! Every transport turns [`Error::status`] into its own code, so that gRPC, HTTP and the command
+//! line cannot disagree about what kind of failure happened.
+
+use std::path::{Path, PathBuf};
+
+/// What went wrong, in terms that a caller can act on.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The caller's input is wrong; `field` names the input and `problem` the limit it broke.
+    #[error("{field}: {problem}")]
+    InvalidArgument { field: String, problem: String },
+    /// The named thing does not exist.
+    #[error("{what} not found")]
+    NotFound { what: String },
+    /// A bound was reached; what was there before stays.
+    #[error("{what}: {limit}")]
+    ResourceExhausted { what: String, limit: String },
+    /// The request is well formed but the state does not allow it now.
+    #[error("{0}")]
+    FailedPrecondition(String),
+    /// The server is starting or stopping.
+    #[error("{0}")]
+    Unavailable(String),
+    /// Stored bytes are damaged or not ours.
+    #[error("{what} is damaged: {problem}")]
+    Corrupt { what: String, problem: String },
+    /// The operating system refused a file.
+    #[error("{path}: {source}")]
+    Io { path: PathBuf, source: std::io::Error },
+    /// A broken promise inside orenx.
+    #[error("internal error: {0}")]
+    Internal(String),
+}
+
+/// The library's result.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// The outcome classes that every transport maps to its own codes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    InvalidArgument,
+    NotFound,
+    ResourceExhausted,
+    FailedPrecondition,
+    Unavailable,
+    DataLoss,
+    Internal,
+}
+
+impl Error {
+    /// Wrong input: the field and what it must satisfy.
+    pub fn invalid(field: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self::InvalidArgument { field: field.into(), problem: problem.into() }
+    }
+
+    /// A file that the operating system refused.
+    pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
+        Self::Io { path: path.as_ref().to_path_buf(), source }
+    }
+
+    /// Stored bytes that do not decode.
+    pub fn corrupt(what: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self::Corrupt { what: what.into(), problem: problem.into() }
+    }
+
+    /// The outcome class.
+    pub fn status(&self) -> Status {
+        match self {
+            Self::InvalidArgument { .. } => Status::InvalidArgument,
+            Self::NotFound { .. } => Status::NotFound,
+            Self::ResourceExhausted { .. } => Status::ResourceExhausted,
+            Self::FailedPrecondition(_) => Status::FailedPrecondition,
+            Self::Unavailable(_) => Status::Unavailable,
+            Self::Corrupt { .. } => Status::DataLoss,
+            Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                Status::NotFound
+            }
+            Self::Io { .. } | Self::Internal(_) => Status::Internal,
+        }
+    }
+
+    /// The process exit code: 2 for bad arguments or input, 1 for anything else.
+    pub fn exit_code(&self) -> u8 {
+        match self.status() {
+            Status::InvalidArgument | Status::NotFound | Status::DataLoss => 2,
+            _ => 1,
+        }
+    }
+}
