@@ -20,3 +20,4 @@ pub mod geometry;
 pub mod map;
 pub mod modality;
 pub mod octree;
+pub mod storage;
