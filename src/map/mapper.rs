@@ -169,6 +169,9 @@ impl Mapper {
         false
     }
 
+    pub fn debug_label(&self, p: glam::Vec3) -> Option<(f32, glam::Vec3)> {
+        self.surface.label(&self.topology, p)
+    }
     /// Counters and sizes.
     pub fn stats(&self) -> MapStats {
         MapStats {

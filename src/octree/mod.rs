@@ -10,6 +10,3 @@ mod topology;
 pub use key::{Cell, LIMIT, cell_of, pack};
 pub use lookup::{ChildLink, Located, NodeSource, Root, locate};
 pub use topology::{NO_NODE, NO_ROW, Topology};
-
-/// The farthest coordinate that the lattice of 21-bit keys is used for, m.
-pub const MAX_COORDINATE_M: f64 = 10_000.0;

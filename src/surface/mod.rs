@@ -3,6 +3,7 @@
 
 mod evidence;
 mod fusion;
+mod label;
 mod observe;
 mod prior;
 mod split;
