@@ -67,7 +67,7 @@ fn direct(surface: &Surface, point: Vec3, nearest: &[u32; 8]) -> f32 {
             continue;
         }
         last = id;
-        let distance = (point - surface.surfels.get(id).position).length_squared();
+        let distance = (point - surface.surfels.link(id).position).length_squared();
         if distance < reach {
             (best, reach) = (id, distance);
         }
