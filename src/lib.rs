@@ -22,3 +22,4 @@ pub mod modality;
 pub mod octree;
 pub mod storage;
 pub mod surface;
+pub mod train;
