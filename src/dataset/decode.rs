@@ -11,12 +11,12 @@ use crate::error::{Error, Result};
 use crate::frame::{ColorImage, DepthImage, MAX_SIDE};
 
 /// Width and height of a PNG, from its header.
-pub fn png_size(path: &Path) -> Result<(u32, u32)> {
+pub(super) fn png_size(path: &Path) -> Result<(u32, u32)> {
     Ok(png(path)?.dimensions())
 }
 
 /// A 16-bit grey PNG as depth, with `units_per_metre`; its size must be `size`.
-pub fn depth(path: &Path, units_per_metre: f32, size: (u32, u32)) -> Result<DepthImage> {
+pub(super) fn depth(path: &Path, units_per_metre: f32, size: (u32, u32)) -> Result<DepthImage> {
     let decoder = png(path)?;
     check_size(path, decoder.dimensions(), size)?;
     if decoder.color_type() != ColorType::L16 {
@@ -31,7 +31,7 @@ pub fn depth(path: &Path, units_per_metre: f32, size: (u32, u32)) -> Result<Dept
 }
 
 /// A JPEG or PNG as 8-bit RGB; its size must be `size`, for depth and colour share intrinsics.
-pub fn color(path: &Path, size: (u32, u32)) -> Result<ColorImage> {
+pub(super) fn color(path: &Path, size: (u32, u32)) -> Result<ColorImage> {
     let mut reader = ImageReader::new(open(path)?)
         .with_guessed_format()
         .map_err(|source| Error::io(path, source))?;

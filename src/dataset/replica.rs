@@ -17,7 +17,7 @@ use crate::geometry::{Intrinsics, Pose};
 const CAMERA_FILE: &str = "cam_params.json";
 
 /// A folder of the rendered Replica scenes.
-pub struct Replica {
+pub(super) struct Replica {
     name: String,
     results: PathBuf,
     intrinsics: Intrinsics,
@@ -48,7 +48,7 @@ const PUBLISHED: Camera =
 
 impl Replica {
     /// Reads trajectory and camera, and counts the images.
-    pub fn open(folder: &Path) -> Result<Self> {
+    pub(super) fn open(folder: &Path) -> Result<Self> {
         let traj = folder.join("traj.txt");
         let content = text::read(&traj)?;
         let world_from_camera = content

@@ -16,7 +16,7 @@ const DEPTH_SUFFIX: &str = ".depth.png";
 const UNITS_PER_METRE: f32 = 1000.0;
 
 /// A folder in the 7-Scenes layout.
-pub struct SevenScenes {
+pub(super) struct SevenScenes {
     name: String,
     folder: PathBuf,
     intrinsics: Intrinsics,
@@ -30,13 +30,13 @@ struct Entry {
 }
 
 /// Whether the folder has a depth image named as this layout names it.
-pub fn has_frames(folder: &Path) -> Result<bool> {
+pub(super) fn has_frames(folder: &Path) -> Result<bool> {
     Ok(!frame_numbers(folder)?.is_empty())
 }
 
 impl SevenScenes {
     /// Lists the frames and reads every pose.
-    pub fn open(folder: &Path) -> Result<Self> {
+    pub(super) fn open(folder: &Path) -> Result<Self> {
         let numbers = frame_numbers(folder)?;
         let Some(&first) = numbers.first() else {
             return Err(Error::invalid(

@@ -8,15 +8,15 @@ use crate::error::{Error, Result};
 use crate::geometry::{Intrinsics, Pose};
 
 /// The 3×3 matrix beside a recording; an integer pixel is a pixel centre.
-pub const INTRINSICS_FILE: &str = "camera-intrinsics.txt";
+pub(super) const INTRINSICS_FILE: &str = "camera-intrinsics.txt";
 
 /// A whole text file.
-pub fn read(path: &Path) -> Result<String> {
+pub(super) fn read(path: &Path) -> Result<String> {
     std::fs::read_to_string(path).map_err(|source| Error::io(path, source))
 }
 
 /// Exactly `N` numbers between white space; `place` names the file (and line) in errors.
-pub fn numbers<const N: usize>(place: &str, text: &str) -> Result<[f64; N]> {
+pub(super) fn numbers<const N: usize>(place: &str, text: &str) -> Result<[f64; N]> {
     let mut values = [0.0; N];
     let mut count = 0;
     for token in text.split_whitespace() {
@@ -35,13 +35,13 @@ pub fn numbers<const N: usize>(place: &str, text: &str) -> Result<[f64; N]> {
 }
 
 /// A camera-to-world matrix of 16 numbers, row by row.
-pub fn pose(place: &str, text: &str) -> Result<Pose> {
+pub(super) fn pose(place: &str, text: &str) -> Result<Pose> {
     let rows = numbers::<16>(place, text)?;
     Pose::from_matrix(DMat4::from_cols_array(&rows).transpose()).map_err(|e| at(place, &e))
 }
 
 /// `camera-intrinsics.txt` of a folder for images of `size`; `None` if there is no such file.
-pub fn intrinsics(folder: &Path, size: (u32, u32)) -> Result<Option<Intrinsics>> {
+pub(super) fn intrinsics(folder: &Path, size: (u32, u32)) -> Result<Option<Intrinsics>> {
     let path = folder.join(INTRINSICS_FILE);
     if !path.exists() {
         return Ok(None);
@@ -60,6 +60,6 @@ pub fn intrinsics(folder: &Path, size: (u32, u32)) -> Result<Option<Intrinsics>>
 }
 
 /// The same problem, with the place it came from.
-pub fn at(place: &str, error: &Error) -> Error {
+pub(super) fn at(place: &str, error: &Error) -> Error {
     Error::invalid(place, error.to_string())
 }

@@ -29,7 +29,7 @@ const CALIBRATIONS: [(&str, [f64; 4]); 3] = [
 ];
 
 /// A folder of the TUM RGB-D benchmark.
-pub struct Tum {
+pub(super) struct Tum {
     name: String,
     intrinsics: Intrinsics,
     frames: Vec<Entry>,
@@ -45,7 +45,7 @@ struct Entry {
 
 impl Tum {
     /// Reads the lists and matches their stamps.
-    pub fn open(folder: &Path) -> Result<Self> {
+    pub(super) fn open(folder: &Path) -> Result<Self> {
         let depth = images(folder, "depth.txt")?;
         let Some((_, first)) = depth.first() else {
             return Err(Error::invalid(

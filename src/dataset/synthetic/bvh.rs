@@ -13,7 +13,7 @@ const STACK: usize = 64;
 
 /// A balanced tree in one array; the left child follows its parent.
 #[derive(Debug, Clone, Default)]
-pub struct Bvh {
+pub(super) struct Bvh {
     nodes: Vec<Node>,
     /// Solids in leaf order.
     order: Vec<u32>,
@@ -29,7 +29,7 @@ struct Node {
 }
 
 impl Bvh {
-    pub fn new(solids: &[Solid]) -> Self {
+    pub(super) fn new(solids: &[Solid]) -> Self {
         let mut tree = Self { nodes: Vec::new(), order: (0..solids.len() as u32).collect() };
         if !solids.is_empty() {
             let bounds: Vec<Aabb> = solids.iter().map(Solid::bounds).collect();
@@ -59,7 +59,7 @@ impl Bvh {
 
     /// Calls `visit` with every solid whose box the ray enters before the limit, nearest boxes
     /// first. `visit` returns the new limit.
-    pub fn along(
+    pub(super) fn along(
         &self,
         origin: Vec3,
         direction: Vec3,
@@ -72,7 +72,7 @@ impl Bvh {
 
     /// Appends (distance of the leaf's box from the apex, solid) for every solid whose box reaches
     /// into the pyramid between four planes through `apex`, given by their inward normals.
-    pub fn within(&self, apex: Vec3, planes: &[Vec3; 4], found: &mut Vec<(f32, u32)>) {
+    pub(super) fn within(&self, apex: Vec3, planes: &[Vec3; 4], found: &mut Vec<(f32, u32)>) {
         let key = |bounds: &Aabb| {
             let (centre, half) = ((bounds.min + bounds.max) * 0.5 - apex, bounds.size() * 0.5);
             let outside = planes.iter().any(|n| n.dot(centre) + n.abs().dot(half) < 0.0);
@@ -86,7 +86,7 @@ impl Bvh {
 
     /// Calls `visit` with every solid whose box is nearer to `point` than the limit (all that
     /// contain it), nearest boxes first. `visit` returns the new limit.
-    pub fn around(&self, point: Vec3, limit: f32, mut visit: impl FnMut(u32) -> f32) {
+    pub(super) fn around(&self, point: Vec3, limit: f32, mut visit: impl FnMut(u32) -> f32) {
         self.walk(
             |bounds| {
                 let distance = gap(bounds, point);

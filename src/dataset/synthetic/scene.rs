@@ -176,7 +176,8 @@ impl Scene {
     /// The albedo of a hit at a world point, linear RGB.
     pub fn albedo(&self, hit: &Hit, point: Vec3) -> Vec3 {
         let object = &self.objects[usize::from(hit.object)];
-        let local = hit.solid.map_or(point, |index| self.solids[index as usize].to_local(point));
+        let local =
+            hit.solid.map_or(point, |index| self.solids[index as usize].point_in_axes(point));
         object.albedo * object.texture.shade(local)
     }
 }

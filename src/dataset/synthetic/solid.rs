@@ -6,7 +6,7 @@ use crate::geometry::Aabb;
 
 /// A shape around the origin of its own axes; lengths in metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Shape {
+pub(super) enum Shape {
     Box {
         half: Vec3,
     },
@@ -27,7 +27,7 @@ pub enum Shape {
 
 /// A shape in the world.
 #[derive(Debug, Clone, Copy)]
-pub struct Solid {
+pub(super) struct Solid {
     pub shape: Shape,
     pub centre: Vec3,
     pub world_from_local: Mat3,
@@ -46,7 +46,7 @@ pub struct Nearest {
 
 /// A ray that met a surface at `origin + t * direction`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SolidHit {
+pub(super) struct SolidHit {
     pub t: f32,
     /// Outward unit normal.
     pub normal: Vec3,
@@ -54,8 +54,8 @@ pub struct SolidHit {
 
 impl Solid {
     /// Signed distance and gradient at a world point; exact inside and outside.
-    pub fn nearest(&self, point: Vec3) -> Nearest {
-        let local = self.to_local(point);
+    pub(super) fn nearest(&self, point: Vec3) -> Nearest {
+        let local = self.point_in_axes(point);
         let (distance, gradient) = match self.shape {
             Shape::Box { half } => nearest_box(local, half),
             Shape::Sphere { radius } => nearest_ball(local, radius),
@@ -70,8 +70,8 @@ impl Solid {
 
     /// The first hit of a ray that starts outside. `direction` need not have unit length: `t`
     /// counts in its lengths.
-    pub fn cast(&self, origin: Vec3, direction: Vec3) -> Option<SolidHit> {
-        let o = self.to_local(origin);
+    pub(super) fn cast(&self, origin: Vec3, direction: Vec3) -> Option<SolidHit> {
+        let o = self.point_in_axes(origin);
         let d = self.world_from_local.transpose() * direction;
         let (t, normal) = match self.shape {
             Shape::Box { half } => cast_box(o, d, half),
@@ -83,12 +83,12 @@ impl Solid {
     }
 
     /// A world point in the solid's own axes.
-    pub fn to_local(&self, point: Vec3) -> Vec3 {
+    pub(super) fn point_in_axes(&self, point: Vec3) -> Vec3 {
         self.world_from_local.transpose() * (point - self.centre)
     }
 
     /// The box around the solid in world axes.
-    pub fn bounds(&self) -> Aabb {
+    pub(super) fn bounds(&self) -> Aabb {
         let half = match self.shape {
             Shape::Box { half } => half,
             Shape::Sphere { radius } => Vec3::splat(radius),
@@ -104,7 +104,7 @@ impl Solid {
 }
 
 /// Distance to a box around the origin; also the (negated) distance in a room of that size.
-pub fn nearest_box(p: Vec3, half: Vec3) -> (f32, Vec3) {
+pub(super) fn nearest_box(p: Vec3, half: Vec3) -> (f32, Vec3) {
     let excess = p.abs() - half;
     let side = Vec3::ONE.copysign(p);
     if excess.max_element() > 0.0 {
