@@ -13,7 +13,9 @@
 //! - `cli`: one file a subcommand
 
 pub mod backend;
+pub mod cli;
 pub mod config;
+pub mod dataset;
 pub mod error;
 pub mod frame;
 pub mod geometry;
