@@ -12,6 +12,9 @@ const MAX_LINES: usize = 400;
 /// Files that are longer, and why. An entry that is no longer needed fails as well.
 const LONGER: [(&str, &str); 0] = [];
 
+/// Such a list.
+type Listed<'a> = &'a [(&'a str, &'a str)];
+
 /// Names that say nothing about what is inside.
 const GRAB_BAGS: [&str; 8] =
     ["manager", "helper", "helpers", "common", "util", "utils", "misc", "stuff"];
@@ -67,7 +70,7 @@ fn split_camel(name: &str) -> String {
     split
 }
 
-fn broken(file: &SourceFile, longer: &[(&str, &str)]) -> Vec<String> {
+fn broken(file: &SourceFile, longer: Listed) -> Vec<String> {
     let path = &file.path;
     let mut broken = Vec::new();
     let own = file.text.split("\n#[cfg(test)]\nmod tests {").next().unwrap_or_default();
@@ -153,7 +156,7 @@ fn the_top_level_stays_as_it_is() {
 
 #[test]
 fn disorder_is_noticed() {
-    let check = |path: &str, text: &str, longer: &[(&str, &str)]| {
+    let check = |path: &str, text: &str, longer: Listed| {
         broken(&SourceFile { path: path.into(), text: text.into() }, longer)
     };
     let long = "x\n".repeat(MAX_LINES + 1);
@@ -163,7 +166,7 @@ fn disorder_is_noticed() {
     let tested = format!("fn f() {{}}\n#[cfg(test)]\nmod tests {{\n{long}}}");
     assert_eq!(check("src/a.rs", &tested, &[]), [""; 0]);
     let left = format!("fn f() {{ {}) }}", LEFTOVERS[3]);
-    let cases: [(&str, &str, &[(&str, &str)], &str); 8] = [
+    let cases: [(&str, &str, Listed, &str); 8] = [
         ("src/a.rs", &long, &[], "401 lines are more than 400"),
         ("src/a.rs", "x", &[("src/a.rs", "a table")], "take it off the list"),
         ("src/utils.rs", "", &[], "src/utils.rs: the name says nothing"),
