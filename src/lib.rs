@@ -13,10 +13,17 @@
 //! - [`cli`]: one file a subcommand
 
 pub mod backend;
+pub mod client;
 pub mod config;
+pub mod engine;
 pub mod error;
 pub mod frame;
 pub mod geometry;
+pub mod ingest;
 pub mod map;
 pub mod modality;
 pub mod octree;
+pub mod serve;
+pub mod service;
+pub mod telemetry;
+pub mod wire;
