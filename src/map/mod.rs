@@ -1,6 +1,7 @@
 //! The map: [`Mapper`] takes frames and publishes [`MapView`]s; a view answers questions.
 
 mod mapper;
+mod pages;
 mod query;
 mod view;
 
