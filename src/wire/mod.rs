@@ -24,7 +24,13 @@ pub const MAX_MESSAGE_BYTES: usize = 64 << 20;
 pub const MAX_PIXELS: usize = 16 << 20;
 
 /// The generated messages and services of `orenx.v1`.
-#[allow(clippy::all, reason = "generated code")]
+#[allow(
+    clippy::all,
+    clippy::allow_attributes_without_reason,
+    clippy::too_many_lines,
+    unused_qualifications,
+    reason = "generated code"
+)]
 pub mod v1 {
     tonic::include_proto!("orenx.v1");
 }
