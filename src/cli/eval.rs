@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::open::{open_view, write_whole};
+use super::open::open_view;
 use crate::eval::{Truth, evaluate};
 use crate::map::{default_resolution_m, extract_mesh, query_pool};
+use crate::storage::write_file;
 
 /// Judge a map against a folder with known truth and print the geometry table
 #[derive(Debug, Args)]
@@ -32,7 +33,7 @@ impl EvalArgs {
         let report = evaluate(&truth, &query, mesh, &pool)?;
         print!("{report}");
         if let Some(path) = &self.report {
-            write_whole(path, |out| Ok(serde_json::to_writer_pretty(out, &report)?))?;
+            write_file(path, |out| Ok(serde_json::to_writer_pretty(out, &report)?))?;
         }
         Ok(())
     }
