@@ -9,4 +9,4 @@ mod topology;
 
 pub use key::{Cell, LIMIT, cell_of, pack};
 pub use lookup::{ChildLink, Located, NodeSource, Root, locate};
-pub use topology::{NO_NODE, NO_ROW, Topology};
+pub use topology::{NO_NODE, NO_ROW, Topology, TopologyState};
