@@ -322,7 +322,7 @@ fn complete_normals(mesh: &mut TriangleMesh) {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::HashMap;
+    use std::collections::BTreeMap;
 
     use super::*;
     use crate::map::parallel::query_pool;
@@ -368,8 +368,8 @@ mod tests {
     }
 
     /// Triangles at each directed edge.
-    fn directed_edges(mesh: &TriangleMesh) -> HashMap<(u32, u32), u32> {
-        let mut edges = HashMap::new();
+    fn directed_edges(mesh: &TriangleMesh) -> BTreeMap<(u32, u32), u32> {
+        let mut edges = BTreeMap::new();
         for &[a, b, c] in &mesh.triangles {
             for edge in [(a, b), (b, c), (c, a)] {
                 *edges.entry(edge).or_default() += 1;
