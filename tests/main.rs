@@ -7,4 +7,6 @@
     reason = "a test reports by panicking, and says on stderr what it skips"
 )]
 
+mod map_command; // what `orenx map` says to bad input
+mod recordings; // real recordings through the readers
 mod support; // where recorded data is, and what a test without it says
