@@ -92,10 +92,11 @@ pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         .context("cannot listen for Ctrl-C")?;
     let mut progress = Progress::new(indices.len());
     let noise = arguments.noise;
-    let mut tally =
-        integrate(&mut mapper, dataset.as_ref(), &indices, noise, &interrupted, &mut progress)?;
-    tally.seconds = start.elapsed().as_secs_f64();
+    let tally =
+        integrate(&mut mapper, dataset.as_ref(), &indices, noise, &interrupted, &mut progress);
     progress.finish();
+    let mut tally = tally?;
+    tally.seconds = start.elapsed().as_secs_f64();
     if tally.frames == 0 {
         println!("stopped by a signal before the first frame: nothing to save");
         return Ok(());

@@ -1,4 +1,5 @@
-//! What is shown while mapping: a bar on a terminal, a line every tenth of the way elsewhere.
+//! What is shown while mapping: a bar on a terminal; elsewhere a line on stdout every tenth of the
+//! way, so that an error is the first line on stderr.
 
 use std::io::IsTerminal;
 use std::time::Instant;
@@ -47,7 +48,7 @@ impl Progress {
                 bar.set_message(message);
                 bar.inc(1);
             }
-            None => eprintln!("{}/{} frames  {message}", self.done, self.total),
+            None => println!("{}/{} frames  {message}", self.done, self.total),
         }
     }
 
