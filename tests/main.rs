@@ -7,6 +7,7 @@
     reason = "a test reports by panicking, and says on stderr what it skips"
 )]
 
+mod house; // the rules of the house held against its files: floors, names, sizes
 mod map_command; // what `orenx map` says to bad input
 mod recordings; // real recordings through the readers
 mod support; // where recorded data is, and what a test without it says

@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use anyhow::Context;
+use clap::Args;
 
 use self::progress::Progress;
 use self::report::Tally;
@@ -18,8 +19,9 @@ use crate::dataset::{self, Dataset, Format, FrameRange, Noise};
 use crate::error::{Error, Result};
 use crate::map::Mapper;
 
-#[derive(Debug, clap::Args)]
-pub(super) struct Arguments {
+/// Map a recording into a file
+#[derive(Debug, Args)]
+pub struct MapArgs {
     /// Folder of a recording, or a synthetic scene such as synthetic:room
     dataset: PathBuf,
     /// The map file to write
@@ -71,67 +73,72 @@ pub(super) struct Arguments {
     report: Option<PathBuf>,
 }
 
-/// Maps, saves, reports.
-pub(super) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let start = Instant::now();
-    check_target("out", &arguments.out)?;
-    if let Some(report) = &arguments.report {
-        check_target("report", report)?;
-    }
-    check_backend(arguments.backend)?;
-    let mut mapper = match &arguments.resume {
-        Some(checkpoint) => resume(checkpoint)?,
-        None => Mapper::new(MapConfig::from_settings(&settings(arguments))?)?,
-    };
-    let dataset = dataset::open(&arguments.dataset, arguments.format)?;
-    let indices = arguments.frames.unwrap_or_default().indices(dataset.len(), arguments.stride)?;
+impl MapArgs {
+    /// Maps, saves, reports.
+    pub fn run(self) -> anyhow::Result<()> {
+        let start = Instant::now();
+        self.check_targets()?;
+        check_backend(self.backend)?;
+        let mut mapper = match &self.resume {
+            Some(checkpoint) => resume(checkpoint)?,
+            None => Mapper::new(MapConfig::from_settings(&self.settings())?)?,
+        };
+        let dataset = dataset::open(&self.dataset, self.format)?;
+        let indices = self.frames.unwrap_or_default().indices(dataset.len(), self.stride)?;
 
-    let interrupted = Arc::new(AtomicBool::new(false));
-    let flag = interrupted.clone();
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
-        .context("cannot listen for Ctrl-C")?;
-    let mut progress = Progress::new(indices.len());
-    let noise = arguments.noise;
-    let tally =
-        integrate(&mut mapper, dataset.as_ref(), &indices, noise, &interrupted, &mut progress);
-    progress.finish();
-    let mut tally = tally?;
-    tally.seconds = start.elapsed().as_secs_f64();
-    if tally.frames == 0 {
-        println!("stopped by a signal before the first frame: nothing to save");
-        return Ok(());
+        let interrupted = Arc::new(AtomicBool::new(false));
+        let flag = interrupted.clone();
+        ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
+            .context("cannot listen for Ctrl-C")?;
+        let mut progress = Progress::new(indices.len());
+        let data = dataset.as_ref();
+        let tally = integrate(&mut mapper, data, &indices, self.noise, &interrupted, &mut progress);
+        progress.finish();
+        let mut tally = tally?;
+        tally.seconds = start.elapsed().as_secs_f64();
+        if tally.frames == 0 {
+            println!("stopped by a signal before the first frame: nothing to save");
+            return Ok(());
+        }
+        save(&mapper, &self.out, self.compact)?;
+        if let Some(path) = &self.report {
+            report::write(path, &report::report(data.name(), &mapper, &tally))?;
+        }
+        println!("{}", self.summary(&tally, indices.len()));
+        Ok(())
     }
 
-    save(&mapper, &arguments.out, arguments.compact)?;
-    if let Some(path) = &arguments.report {
-        report::write(path, &report::report(dataset.name(), &mapper, &tally))?;
+    fn settings(&self) -> MapSettings {
+        MapSettings {
+            profile: self.profile,
+            schedule: self.schedule,
+            prior: self.prior,
+            backend: self.backend,
+            modalities: self.modalities.clone(),
+            r0_m: self.r0,
+            steps: self.steps,
+            seed: self.seed,
+            ..MapSettings::default()
+        }
     }
-    let stopped = if tally.frames + tally.rejections() < indices.len() as u64 {
-        format!("; stopped by a signal, {} frames were asked for", indices.len())
-    } else {
-        String::new()
-    };
-    println!(
-        "mapped {} frames in {:.1} s ({:.1} frames/s) into {}{stopped}",
-        tally.frames,
-        tally.seconds,
-        tally.frames_per_second(),
-        arguments.out.display(),
-    );
-    Ok(())
-}
 
-fn settings(arguments: &Arguments) -> MapSettings {
-    MapSettings {
-        profile: arguments.profile,
-        schedule: arguments.schedule,
-        prior: arguments.prior,
-        backend: arguments.backend,
-        modalities: arguments.modalities.clone(),
-        r0_m: arguments.r0,
-        steps: arguments.steps,
-        seed: arguments.seed,
-        ..MapSettings::default()
+    /// Fails before the work, not after it, if a file cannot be written.
+    fn check_targets(&self) -> Result<()> {
+        check_target("out", &self.out)?;
+        self.report.as_deref().map_or(Ok(()), |report| check_target("report", report))
+    }
+
+    fn summary(&self, tally: &Tally, asked: usize) -> String {
+        let stopped = tally.frames + tally.rejections() < asked as u64;
+        let stopped =
+            if stopped { format!(", stopped by a signal before {asked}") } else { String::new() };
+        format!(
+            "mapped {} frames in {:.1} s ({:.1} frames/s) into {}{stopped}",
+            tally.frames,
+            tally.seconds,
+            tally.frames_per_second(),
+            self.out.display(),
+        )
     }
 }
 
@@ -196,7 +203,6 @@ fn resume(checkpoint: &Path) -> Result<Mapper> {
     Err(Error::Internal("this build cannot resume from a map".into()))
 }
 
-/// Fails before the work, not after it, if a file cannot be written.
 fn check_target(field: &str, path: &Path) -> Result<()> {
     let parent = path.parent().filter(|p| !p.as_os_str().is_empty());
     if path.is_dir() {

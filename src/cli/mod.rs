@@ -4,7 +4,12 @@
 //! stderr, in one line.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is the part that prints")]
 
-mod map;
+pub mod eval;
+pub mod map;
+pub mod mesh;
+mod open;
+pub mod query;
+pub mod slice;
 
 use std::process::ExitCode;
 
@@ -21,15 +26,20 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Map a recording into a file
-    Map(map::Arguments),
+    Map(map::MapArgs),
+    Eval(eval::EvalArgs),
+    Query(query::QueryArgs),
+    Mesh(mesh::MeshArgs),
 }
 
 /// Parses the process's arguments and runs the subcommand. Wrong arguments end the process with
 /// code 2, as clap does.
 pub fn run() -> ExitCode {
     let result = match Arguments::parse().command {
-        Command::Map(arguments) => map::run(&arguments),
+        Command::Map(arguments) => arguments.run(),
+        Command::Eval(arguments) => arguments.run(),
+        Command::Query(arguments) => arguments.run(),
+        Command::Mesh(arguments) => arguments.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

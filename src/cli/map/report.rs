@@ -5,9 +5,11 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::cli::open::write_whole;
 use crate::config::{Prior, Profile, Schedule};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::map::{FrameOutcome, Mapper};
+use crate::telemetry;
 
 /// The stages that every report has, in the order of a frame.
 const STAGES: [&str; 5] = ["decode", "allocate", "labels", "train", "publish"];
@@ -131,7 +133,7 @@ pub(super) fn report(dataset: &str, mapper: &Mapper, tally: &Tally) -> Report {
         key_frames: stats.key_frames,
         rows: config.modalities.iter().map(|m| (m.clone(), stats.rows)).collect(),
         map_bytes: stats.map_bytes,
-        peak_rss_bytes: peak_rss_bytes(),
+        peak_rss_bytes: telemetry::peak_resident_bytes(),
         gpu_peak_bytes: 0,
         stages_ms: tally.stages_ms.iter().map(|(s, ms)| (s.clone(), spread(ms))).collect(),
         losses: stats.losses.into_iter().collect(),
@@ -140,9 +142,7 @@ pub(super) fn report(dataset: &str, mapper: &Mapper, tally: &Tally) -> Report {
 
 /// Writes the report as indented JSON.
 pub(super) fn write(path: &Path, report: &Report) -> Result<()> {
-    let text = serde_json::to_string_pretty(report)
-        .map_err(|e| Error::Internal(format!("cannot write the report: {e}")))?;
-    std::fs::write(path, text + "\n").map_err(|source| Error::io(path, source))
+    write_whole(path, |out| Ok(serde_json::to_writer_pretty(out, report)?))
 }
 
 /// Median and 95th percentile by nearest rank; zeros for a stage that never ran.
@@ -152,14 +152,6 @@ fn spread(values: &[f32]) -> Spread {
     let rank = |share: f64| ((share * sorted.len() as f64).ceil() as usize).saturating_sub(1);
     let at = |share: f64| sorted.get(rank(share)).copied().unwrap_or_default();
     Spread { median: at(0.5), p95: at(0.95) }
-}
-
-/// The highest resident memory of this process so far; 0 where the system does not tell.
-fn peak_rss_bytes() -> u64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
-    let kib = line.and_then(|rest| rest.split_whitespace().next()?.parse::<u64>().ok());
-    kib.unwrap_or_default() * 1024
 }
 
 /// The processor's name and the threads that it lends us.
