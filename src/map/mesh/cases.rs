@@ -74,7 +74,7 @@ fn successors(pattern: u8) -> [Option<u8>; 12] {
             let face = face_corners(axis, side);
             for i in 0..4 {
                 let (from, to) = (face[i], face[(i + 1) % 4]);
-                if !(negative(from) && !negative(to)) {
+                if !negative(from) || negative(to) {
                     continue;
                 }
                 // Here the walk leaves the negative side; it comes back behind the positive run.
