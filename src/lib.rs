@@ -16,6 +16,7 @@
 pub mod backend;
 pub mod cli;
 pub mod config;
+pub mod dataset;
 pub mod error;
 pub mod eval;
 pub mod frame;
@@ -24,3 +25,6 @@ pub mod map;
 pub mod modality;
 pub mod numpy;
 pub mod octree;
+pub mod storage;
+pub mod surface;
+pub mod train;

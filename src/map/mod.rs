@@ -2,6 +2,7 @@
 
 mod mapper;
 mod mesh;
+mod pages;
 mod parallel;
 mod query;
 mod view;

@@ -22,7 +22,7 @@ pub trait NodeSource {
 }
 
 /// The root voxel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Root {
     pub node: u32,
     /// Low corner, lattice units.
