@@ -15,16 +15,23 @@
 
 pub mod backend;
 pub mod cli;
+pub mod client;
 pub mod config;
 pub mod dataset;
+pub mod engine;
 pub mod error;
 pub mod eval;
 pub mod frame;
 pub mod geometry;
+pub mod ingest;
 pub mod map;
 pub mod modality;
 pub mod numpy;
 pub mod octree;
+pub mod serve;
+pub mod service;
 pub mod storage;
 pub mod surface;
+pub mod telemetry;
 pub mod train;
+pub mod wire;
