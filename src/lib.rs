@@ -13,8 +13,10 @@
 //! - `cli`: one file a subcommand
 
 pub mod backend;
+pub mod cli;
 pub mod client;
 pub mod config;
+pub mod dataset;
 pub mod engine;
 pub mod error;
 pub mod frame;
@@ -28,4 +30,5 @@ pub mod service;
 pub mod storage;
 pub mod surface;
 pub mod telemetry;
+pub mod train;
 pub mod wire;

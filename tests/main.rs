@@ -7,4 +7,5 @@
     reason = "a test reports by panicking, and says on stderr what it skips"
 )]
 
+mod house; // the rules of the house held against its files: floors, names, sizes
 mod support; // where recorded data is, and what a test without it says

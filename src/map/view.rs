@@ -118,7 +118,7 @@ impl RowSource for Store {
 impl Store {
     /// Whether the evidence cell around a point of a located voxel was crossed or hit.
     #[inline]
-    pub fn is_known(&self, located: &Located, point: Vec3) -> bool {
+    pub(super) fn is_known(&self, located: &Located, point: Vec3) -> bool {
         let node = located.node as usize;
         let brick = self.nodes.page(node / NODES).brick[node % NODES];
         if brick == NO_NODE {

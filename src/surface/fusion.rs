@@ -193,7 +193,7 @@ impl Surface {
             let (mut id, mut previous) = (self.evidence.first_surfel(at), NO_SURFEL);
             while id != NO_SURFEL {
                 let surfel = *self.surfels.get(id);
-                let next = surfel.next_in_cell;
+                let next = self.surfels.link(id).next_in_cell;
                 let point = rotation * surfel.position + translation;
                 let verdict =
                     (surfel.born != epoch).then(|| seen_through(frame, point, margin)).flatten();

@@ -108,7 +108,8 @@ impl PriorField {
     /// Offers a surfel to a row.
     #[inline]
     pub fn offer(&mut self, row: u32, surfel: u32, topology: &Topology, surfels: &SurfelMap) {
-        let distance = (topology.positions()[row as usize] - surfels.get(surfel).position).length();
+        let distance =
+            (topology.positions()[row as usize] - surfels.link(surfel).position).length();
         if distance < self.reach[row as usize] * GAIN && distance <= self.max_distance_m {
             self.assign(row, surfel, distance);
             self.push(row);
@@ -121,7 +122,7 @@ impl PriorField {
         while row != END {
             let after = self.next[row as usize];
             let position = topology.positions()[row as usize];
-            self.reach[row as usize] = (position - surfels.get(surfel).position).length();
+            self.reach[row as usize] = (position - surfels.link(surfel).position).length();
             self.mark(row);
             self.pull(row, topology, surfels);
             row = after;
@@ -164,7 +165,7 @@ impl PriorField {
             if surfel == NO_SURFEL {
                 continue;
             }
-            let center = surfels.get(surfel).position;
+            let center = surfels.link(surfel).position;
             for &node in topology.incident(row) {
                 if node == NO_NODE {
                     continue;
@@ -255,7 +256,7 @@ impl PriorField {
                     continue;
                 }
                 last = candidate;
-                let distance = (position - surfels.get(candidate).position).length();
+                let distance = (position - surfels.link(candidate).position).length();
                 if distance < reach && distance <= self.max_distance_m {
                     (best, reach) = (candidate, distance);
                 }

@@ -9,7 +9,7 @@ use crate::octree::{NO_NODE, NodeSource, Topology};
 
 /// Voxels around `rows` whose interpolated prior differs by more than `limit_m` from the surfels
 /// at the centre or a child centre, in a fixed order. Only observed or near space is refined.
-pub fn find(
+pub(super) fn find(
     surface: &Surface,
     topology: &Topology,
     rows: &[u32],
@@ -67,7 +67,7 @@ fn direct(surface: &Surface, point: Vec3, nearest: &[u32; 8]) -> f32 {
             continue;
         }
         last = id;
-        let distance = (point - surface.surfels.get(id).position).length_squared();
+        let distance = (point - surface.surfels.link(id).position).length_squared();
         if distance < reach {
             (best, reach) = (id, distance);
         }

@@ -30,8 +30,6 @@ pub struct Surfel {
     /// Position and normal that the prior was last told.
     told_position: Vec3,
     told_normal: Vec3,
-    /// Next surfel of the same evidence cell.
-    pub next_in_cell: u32,
     /// Frames in a row that saw through it.
     pub contrary: u8,
     /// Which robot saw it first.
@@ -68,6 +66,15 @@ impl Surfel {
     }
 }
 
+/// What a search for the nearest surfel reads, apart from the rest so that it stays in cache.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+pub struct Link {
+    /// World metres.
+    pub position: Vec3,
+    /// Next surfel of the same evidence cell, or [`NO_SURFEL`].
+    pub next_in_cell: u32,
+}
+
 /// What an observation did to a surfel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Touch {
@@ -80,6 +87,7 @@ pub enum Touch {
 pub struct SurfelMap {
     size_m: f32,
     surfels: Vec<Surfel>,
+    links: Vec<Link>,
     free: Vec<u32>,
     alive: usize,
     #[serde(skip)]
@@ -94,6 +102,7 @@ struct Scratch {
     slot_of: FxHashMap<u64, u32>,
     keys: Vec<u64>,
     sums: Vec<Sum>,
+    order: Vec<u32>,
 }
 
 #[derive(Debug, Clone, Copy)]
@@ -110,6 +119,7 @@ impl SurfelMap {
         Self {
             size_m,
             surfels: Vec::new(),
+            links: Vec::new(),
             free: Vec::new(),
             alive: 0,
             by_key: FxHashMap::default(),
@@ -139,9 +149,15 @@ impl SurfelMap {
         &self.surfels[id as usize]
     }
 
+    /// Position of a surfel and the next one of its evidence cell.
+    #[inline]
+    pub fn link(&self, id: u32) -> &Link {
+        &self.links[id as usize]
+    }
+
     /// Links a surfel in front of `next` in its evidence cell.
     pub fn set_next_in_cell(&mut self, id: u32, next: u32) {
-        self.surfels[id as usize].next_in_cell = next;
+        self.links[id as usize].next_in_cell = next;
     }
 
     /// Counts a frame that saw through the surfel (`true`) or saw it (`false`); returns the
@@ -170,7 +186,7 @@ impl SurfelMap {
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        (self.surfels.len() * size_of::<Surfel>() + self.alive * 16) as u64
+        (self.surfels.len() * (size_of::<Surfel>() + size_of::<Link>()) + self.alive * 16) as u64
     }
 
     /// Fuses the observations of one frame; returns the surfels that are new or moved enough to
@@ -195,8 +211,16 @@ impl SurfelMap {
             sum.weight += o.weight;
             sum.count += 1.0;
         }
+        // Neighbours get neighbouring ids, so that a search reads few cache lines.
+        scratch.order.clear();
+        scratch.order.extend(0..scratch.keys.len() as u32);
+        scratch.order.sort_unstable_by_key(|&slot| {
+            let key = scratch.keys[slot as usize];
+            (neighbourhood(key), key)
+        });
         let mut touched = Vec::new();
-        for (&key, sum) in scratch.keys.iter().zip(&scratch.sums) {
+        for &slot in &scratch.order {
+            let (key, sum) = (scratch.keys[slot as usize], &scratch.sums[slot as usize]);
             if let Some(touch) = self.merge(key, sum, source, epoch) {
                 touched.push(touch);
             }
@@ -258,6 +282,7 @@ impl SurfelMap {
             surfel.normal =
                 (surfel.normal * surfel.weight + normal * weight).normalize_or(surfel.normal);
             surfel.weight = total.min(MAX_WEIGHT);
+            self.links[id as usize].position = surfel.position;
             let offset = surfel.position - surfel.told_position;
             let limit = MOVED_SHARE * self.size_m;
             let moved = offset.dot(surfel.normal).abs() > limit
@@ -275,19 +300,21 @@ impl SurfelMap {
             weight,
             told_position: point,
             told_normal: normal,
-            next_in_cell: NO_SURFEL,
             contrary: 0,
             source,
             born: epoch,
             key,
         };
+        let link = Link { position: point, next_in_cell: NO_SURFEL };
         let id = match self.free.pop() {
             Some(id) => {
                 self.surfels[id as usize] = surfel;
+                self.links[id as usize] = link;
                 id
             }
             None => {
                 self.surfels.push(surfel);
+                self.links.push(link);
                 (self.surfels.len() - 1) as u32
             }
         };
@@ -322,6 +349,12 @@ fn key(point: Vec3, inverse_size: f32, axis: u64) -> u64 {
     let part = |c: i32| u64::from(c.wrapping_add(LIMIT) as u32 & 0xf_ffff);
     let [x, y, z] = cell_of(point, inverse_size);
     part(x) | part(y) << 20 | part(z) << 40 | axis << 60
+}
+
+/// The block of 4³ cells that a key lies in.
+fn neighbourhood(key: u64) -> u64 {
+    let mask = 0x3_ffff;
+    (key >> 2 & mask) | (key >> 22 & mask) << 18 | (key >> 42 & mask) << 36
 }
 
 #[cfg(test)]
