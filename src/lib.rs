@@ -2,15 +2,16 @@
 //!
 //! The rooms, from the ground up (a test holds the floors of `ARCHITECTURE.md` against the code):
 //!
-//! - `error`, `geometry`, `frame`, `config`: errors, maths, the frame and its checks, settings
-//! - `octree`, `surface`, `modality`, `dataset`: topology; surfels, prior, evidence; fields; readers
-//! - `train`, `backend`: what to train on, and what trains
-//! - `map`: a frame in, an epoch out; immutable views that answer questions
-//! - `storage`, `eval`, `engine`: checkpoints; the paper's tables; the mapper thread
-//! - `service`: the verbs
-//! - `wire`: protobuf to core and back
-//! - `client`, `ingest`, `serve`: the edges
-//! - `cli`: one file a subcommand
+//! - [`error`], [`geometry`], [`frame`], [`config`], [`numpy`]: errors, maths, the frame and its
+//!   checks, settings, array files
+//! - [`octree`], [`surface`], [`modality`], [`dataset`]: topology; surfels, prior, evidence; fields; readers
+//! - [`train`], [`backend`]: what to train on, and what trains
+//! - [`map`]: a frame in, an epoch out; immutable views that answer questions
+//! - [`storage`], [`eval`], [`engine`]: checkpoints; the paper's tables; the mapper thread
+//! - [`service`]: the verbs
+//! - [`wire`]: protobuf to core and back
+//! - [`client`], [`ingest`], [`serve`]: the edges
+//! - [`cli`]: one file a subcommand
 
 pub mod backend;
 pub mod cli;
@@ -19,11 +20,13 @@ pub mod config;
 pub mod dataset;
 pub mod engine;
 pub mod error;
+pub mod eval;
 pub mod frame;
 pub mod geometry;
 pub mod ingest;
 pub mod map;
 pub mod modality;
+pub mod numpy;
 pub mod octree;
 pub mod serve;
 pub mod service;
