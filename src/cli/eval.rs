@@ -1,5 +1,6 @@
 //! `orenx eval`: a map judged against a truth folder.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -31,7 +32,7 @@ impl EvalArgs {
         let resolution_m = default_resolution_m(view.config().r0_m);
         let mesh = || extract_mesh(&query, &view.surface_leaves(), resolution_m, &pool);
         let report = evaluate(&truth, &query, mesh, &pool)?;
-        print!("{report}");
+        write!(std::io::stdout(), "{report}")?;
         if let Some(path) = &self.report {
             write_file(path, |out| Ok(serde_json::to_writer_pretty(out, &report)?))?;
         }

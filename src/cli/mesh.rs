@@ -1,5 +1,6 @@
 //! `orenx mesh`: the surface as a triangle mesh.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -35,7 +36,8 @@ impl MeshArgs {
         }
         write_file(&self.out, |out| mesh.write_ply(out))?;
         let (vertices, triangles) = (mesh.vertices.len(), mesh.triangles.len());
-        println!("{}: {vertices} vertices, {triangles} triangles", self.out.display());
+        let out = self.out.display();
+        writeln!(std::io::stdout(), "{out}: {vertices} vertices, {triangles} triangles")?;
         Ok(())
     }
 }
