@@ -20,3 +20,11 @@ pub mod geometry;
 pub mod map;
 pub mod modality;
 pub mod octree;
+
+// Unit tests and benchmarks share `tests/support`, which names the library from outside.
+#[cfg(test)]
+extern crate self as orenx;
+
+#[cfg(test)]
+#[path = "../tests/support/tree.rs"]
+mod test_tree;

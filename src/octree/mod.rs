@@ -5,7 +5,7 @@
 
 mod lookup;
 
-pub use lookup::{ChildLink, Located, NodeSource, Root, locate};
+pub use lookup::{Cell, ChildLink, Located, Lookup, NodeSource, Root, locate};
 
 /// The farthest coordinate that the lattice of 21-bit keys is used for, m.
 pub const MAX_COORDINATE_M: f64 = 10_000.0;
