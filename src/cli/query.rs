@@ -9,11 +9,11 @@ use clap::Args;
 use glam::Vec3;
 use rayon::ThreadPool;
 
-use super::open::{folder_of, is_url, open_view};
+use super::open::{is_url, open_view};
 use crate::error::{Error, Result};
 use crate::map::{Fields, MapView, PointAnswers, State, query_parallel, query_pool};
 use crate::numpy::{ArchiveWriter, ArrayReader, Element, write_values};
-use crate::storage::write_file;
+use crate::storage::{folder_of, write_file};
 
 /// Points in memory at a time, whatever the size of the file.
 const PIECE_POINTS: usize = 1 << 17;
