@@ -2,7 +2,6 @@
 //!
 //! Exit codes: 0 done; 2 bad arguments or input; 1 anything else. A failure's message goes to
 //! stderr, in one line.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is the part that prints")]
 
 pub mod eval;
 pub mod map;
@@ -29,6 +28,7 @@ enum Command {
     Map(map::MapArgs),
     Eval(eval::EvalArgs),
     Query(query::QueryArgs),
+    Slice(slice::SliceArgs),
     Mesh(mesh::MeshArgs),
 }
 
@@ -39,6 +39,7 @@ pub fn run() -> ExitCode {
         Command::Map(arguments) => arguments.run(),
         Command::Eval(arguments) => arguments.run(),
         Command::Query(arguments) => arguments.run(),
+        Command::Slice(arguments) => arguments.run(),
         Command::Mesh(arguments) => arguments.run(),
     };
     match result {
