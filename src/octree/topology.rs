@@ -368,12 +368,12 @@ mod tests {
         let mut tree = tree();
         let a = tree.insert([0, 0, 0], 0).expect("fits");
         let b = tree.insert([1, 0, 0], 0).expect("fits");
-        let rows = |n| *tree.corners(n);
-        assert_eq!(rows(a)[1], rows(b)[0]);
-        assert_eq!(rows(a)[7], rows(b)[6]);
+        let rows = |tree: &Topology, n| *tree.corners(n);
+        assert_eq!(rows(&tree, a)[1], rows(&tree, b)[0]);
+        assert_eq!(rows(&tree, a)[7], rows(&tree, b)[6]);
         // The coarse parent shares its low corner with the first child.
         let parent = tree.insert([0, 0, 0], 1).expect("exists");
-        assert_eq!(rows(parent)[0], rows(a)[0]);
+        assert_eq!(rows(&tree, parent)[0], rows(&tree, a)[0]);
     }
 
     #[test]

@@ -27,12 +27,12 @@ pub(super) type Loop = Vec<u8>;
 pub(super) struct CaseTable(Vec<Vec<Loop>>);
 
 impl CaseTable {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self((0..=255).map(loops).collect())
     }
 
     /// The loops of `pattern`.
-    pub fn loops(&self, pattern: u8) -> &[Loop] {
+    pub(super) fn loops(&self, pattern: u8) -> &[Loop] {
         &self.0[usize::from(pattern)]
     }
 }
