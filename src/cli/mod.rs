@@ -6,6 +6,7 @@
 
 pub mod demo;
 pub mod eval;
+pub mod map;
 pub mod mesh;
 mod open;
 pub mod query;
@@ -31,6 +32,7 @@ enum Command {
     Demo(demo::DemoArgs),
     Serve(serve::ServeArgs),
     Stream(stream::StreamArgs),
+    Map(map::MapArgs),
     Eval(eval::EvalArgs),
     Query(query::QueryArgs),
     Mesh(mesh::MeshArgs),
@@ -44,6 +46,7 @@ pub fn run() -> ExitCode {
         Command::Demo(arguments) => arguments.run(),
         Command::Serve(arguments) => arguments.run(),
         Command::Stream(arguments) => arguments.run(),
+        Command::Map(arguments) => arguments.run(),
         Command::Eval(arguments) => arguments.run(),
         Command::Query(arguments) => arguments.run(),
         Command::Mesh(arguments) => arguments.run(),

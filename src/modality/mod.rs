@@ -1,8 +1,7 @@
 //! The fields of the map, one folder a modality: level range, per-vertex columns, decoder, losses
 //! and read-out. No backend types here.
 
-/// Explicit part of an SDF row: distance d at the vertex, m, and its gradient g.
-pub type Explicit = [f32; 4];
+pub use crate::octree::Explicit;
 
 /// Read access to vertex rows, by the mapper's flat arrays or by a view's pages.
 pub trait RowSource {

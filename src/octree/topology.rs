@@ -1,13 +1,13 @@
 //! The mapper's octree: flat arrays of nodes and of the vertices that they share.
 
-use std::ops::Range;
+use std::borrow::Cow;
 
 use glam::Vec3;
 use rustc_hash::FxHashMap;
-use serde::{Deserialize, Serialize};
 
 use super::key::{Cell, LIMIT, pack};
 use super::lookup::{ChildLink, NodeSource, Root};
+use crate::error::{Error, Result};
 
 /// No vertex row.
 pub const NO_ROW: u32 = u32::MAX;
@@ -19,7 +19,7 @@ const FIRST_ROOT_M: f32 = 25.6;
 
 /// Nodes and vertices. Node 0 is the root; the children of a node stand in one block of eight
 /// slots, of which some may be holes. Rows are never renumbered or freed.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug)]
 pub struct Topology {
     unit_m: f32,
     /// Voxels of up to 2^this units carry rows at their corners.
@@ -36,10 +36,8 @@ pub struct Topology {
     incident: Vec<[u32; 8]>,
     voxels: u64,
     refused: u64,
-    #[serde(skip)]
     row_of: FxHashMap<u64, u32>,
     /// Nodes that changed since [`Topology::take_changed_nodes`].
-    #[serde(skip)]
     changed: Vec<u32>,
 }
 
@@ -66,10 +64,56 @@ impl Topology {
         }
     }
 
-    /// Restores what a checkpoint does not hold.
-    pub fn rebuild_index(&mut self) {
+    /// Everything that [`Topology::from_state`] needs to go on as if it had not stopped.
+    pub fn state(&self) -> TopologyState<'_> {
+        TopologyState {
+            root: self.root,
+            voxels: self.voxels,
+            refused: self.refused,
+            children: Cow::Borrowed(&self.children),
+            corners: Cow::Borrowed(&self.corners),
+            low_corners: Cow::Borrowed(&self.low_corners),
+            log2_sizes: Cow::Borrowed(&self.log2_sizes),
+            vertices: Cow::Borrowed(&self.vertices),
+        }
+    }
+
+    /// Takes up a stored state; every node counts as changed. `self` brings the settings.
+    pub fn with_state(mut self, state: TopologyState<'_>) -> Result<Self> {
+        let slots = state.children.len();
+        let rows = state.vertices.len();
+        let lengths = [state.corners.len(), state.low_corners.len(), state.log2_sizes.len()];
+        let row_exists = |r: &u32| *r == NO_ROW || (*r as usize) < rows;
+        let child_exists = |l: &ChildLink| l & 0xff == 0 || (*l >> 8) as usize * 8 + 7 < slots;
+        if lengths.iter().any(|&l| l != slots)
+            || !state.corners.iter().flatten().all(row_exists)
+            || !state.children.iter().all(child_exists)
+            || state.root.is_some_and(|r| r.node as usize >= slots || r.log2_size > 30)
+        {
+            return Err(Error::corrupt("octree", "nodes refer to what is not there"));
+        }
+        self.root = state.root;
+        self.voxels = state.voxels;
+        self.refused = state.refused;
+        self.children = state.children.into_owned();
+        self.corners = state.corners.into_owned();
+        self.low_corners = state.low_corners.into_owned();
+        self.log2_sizes = state.log2_sizes.into_owned();
+        self.vertices = state.vertices.into_owned();
         let keys = self.vertices.iter().enumerate();
         self.row_of = keys.map(|(row, &v)| (pack(v), row as u32)).collect();
+        self.positions = self.vertices.iter().map(|&v| lattice_point(v) * self.unit_m).collect();
+        self.incident = vec![[NO_NODE; 8]; rows];
+        for node in 0..slots as u32 {
+            for corner in 0..8 {
+                let row = self.corners[node as usize][corner];
+                if row != NO_ROW {
+                    self.touch(row, corner, node);
+                }
+            }
+        }
+        self.changed = (0..slots as u32).collect();
+        Ok(self)
     }
 
     /// The voxel of 2^`log2` units that contains `cell`, created with its ancestors where absent.
@@ -150,8 +194,7 @@ impl Topology {
 
     /// Low corner, world metres.
     pub fn min_m(&self, node: u32) -> Vec3 {
-        let c = self.low_corner(node);
-        Vec3::new(c[0] as f32, c[1] as f32, c[2] as f32) * self.unit_m
+        lattice_point(self.low_corner(node)) * self.unit_m
     }
 
     /// World positions by vertex row, m.
@@ -195,21 +238,11 @@ impl Topology {
         std::mem::take(&mut self.changed)
     }
 
-    /// Marks every node as changed, after loading.
-    pub fn mark_all_changed(&mut self) {
-        self.changed = (0..self.children.len() as u32).collect();
-    }
-
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         let node = 4 + 32 + 12 + 1;
         let vertex = 12 + 12 + 32 + 16;
         (self.children.len() * node + self.vertices.len() * vertex) as u64
-    }
-
-    /// The voxels of `nodes` that exist, as ids.
-    pub fn existing(&self, nodes: Range<u32>) -> impl Iterator<Item = u32> + '_ {
-        nodes.filter(|&n| self.log2_sizes[n as usize] != u8::MAX)
     }
 
     /// Grows the root until it contains `cell`. The root keeps id 0: its old content moves into a
@@ -291,15 +324,20 @@ impl Topology {
             for corner in 0..8 {
                 let row = self.row_or_create(corner_of(low, corner, log2));
                 self.corners[node as usize][corner as usize] = row;
-                // The voxel lies on the far side of its corner.
-                let slot = &mut self.incident[row as usize][7 ^ corner as usize];
-                if *slot == NO_NODE || self.log2_sizes[*slot as usize] > log2 {
-                    *slot = node;
-                }
+                self.touch(row, corner as usize, node);
             }
         }
         self.changed.extend([parent, node]);
         Some(node)
+    }
+
+    /// Notes that `node` has the vertex as its corner: it lies on the far side of it.
+    fn touch(&mut self, row: u32, corner: usize, node: u32) {
+        let log2 = self.log2_sizes[node as usize];
+        let slot = &mut self.incident[row as usize][7 ^ corner];
+        if *slot == NO_NODE || self.log2_sizes[*slot as usize] > log2 {
+            *slot = node;
+        }
     }
 
     fn row_or_create(&mut self, vertex: Cell) -> u32 {
@@ -307,8 +345,7 @@ impl Topology {
         let row = *self.row_of.entry(pack(vertex)).or_insert(next);
         if row == next {
             self.vertices.push(vertex);
-            let lattice = Vec3::new(vertex[0] as f32, vertex[1] as f32, vertex[2] as f32);
-            self.positions.push(lattice * self.unit_m);
+            self.positions.push(lattice_point(vertex) * self.unit_m);
             self.incident.push([NO_NODE; 8]);
         }
         row
@@ -333,6 +370,24 @@ impl NodeSource for Topology {
     fn corners(&self, node: u32) -> &[u32; 8] {
         &self.corners[node as usize]
     }
+}
+
+/// A stored tree: what cannot be worked out again.
+#[derive(Debug)]
+pub struct TopologyState<'a> {
+    pub root: Option<Root>,
+    pub voxels: u64,
+    pub refused: u64,
+    pub children: Cow<'a, [ChildLink]>,
+    pub corners: Cow<'a, [[u32; 8]]>,
+    pub low_corners: Cow<'a, [Cell]>,
+    pub log2_sizes: Cow<'a, [u8]>,
+    pub vertices: Cow<'a, [Cell]>,
+}
+
+#[inline]
+fn lattice_point(cell: Cell) -> Vec3 {
+    Vec3::new(cell[0] as f32, cell[1] as f32, cell[2] as f32)
 }
 
 #[inline]
@@ -368,12 +423,11 @@ mod tests {
         let mut tree = tree();
         let a = tree.insert([0, 0, 0], 0).expect("fits");
         let b = tree.insert([1, 0, 0], 0).expect("fits");
-        let rows = |n| *tree.corners(n);
-        assert_eq!(rows(a)[1], rows(b)[0]);
-        assert_eq!(rows(a)[7], rows(b)[6]);
+        assert_eq!(tree.corners(a)[1], tree.corners(b)[0]);
+        assert_eq!(tree.corners(a)[7], tree.corners(b)[6]);
         // The coarse parent shares its low corner with the first child.
         let parent = tree.insert([0, 0, 0], 1).expect("exists");
-        assert_eq!(rows(parent)[0], rows(a)[0]);
+        assert_eq!(tree.corners(parent)[0], tree.corners(a)[0]);
     }
 
     #[test]

@@ -2,11 +2,13 @@
 //!
 //! It does not forget with time; about [`FLIP`] contrary observations flip a cell.
 
+use std::borrow::Cow;
+
 use glam::Vec3;
 use rustc_hash::FxHashMap;
-use serde::{Deserialize, Serialize};
 
 use super::surfel::NO_SURFEL;
+use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::octree::{Cell, cell_of, pack};
 
@@ -19,39 +21,18 @@ const FLIP: i8 = 8;
 /// One bit a cell: crossed or hit by a ray at least once.
 pub type Known = [u64; 8];
 
-#[derive(Debug, Clone, Serialize, Deserialize)]
-struct Brick {
-    /// Brick coordinates, in bricks.
-    cell: Cell,
-    known: Known,
-    /// Positive: hit more often than crossed.
-    log_odds: Vec<i8>,
-    /// Epoch that last crossed the cell.
-    crossed: Vec<u32>,
-    /// Epoch that last hit it.
-    hit: Vec<u32>,
-    /// First surfel of the cell.
-    surfels: Vec<u32>,
-}
-
-impl Brick {
-    fn new(cell: Cell) -> Self {
-        Self {
-            cell,
-            known: [0; 8],
-            log_odds: vec![0; CELLS],
-            crossed: vec![0; CELLS],
-            hit: vec![0; CELLS],
-            surfels: vec![NO_SURFEL; CELLS],
-        }
-    }
-}
-
 /// Address of a cell: brick and index within.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CellAddress {
     pub brick: u32,
     pub index: u16,
+}
+
+impl CellAddress {
+    #[inline]
+    fn slot(self) -> usize {
+        self.brick as usize * CELLS + self.index as usize
+    }
 }
 
 /// What carving one frame found.
@@ -65,25 +46,82 @@ pub struct Carved {
     pub changed_bricks: Vec<u32>,
 }
 
-/// The grid.
-#[derive(Debug, Serialize, Deserialize)]
+/// The grid, column by column: one entry a brick, or [`CELLS`] entries a brick.
+#[derive(Debug)]
 pub struct Evidence {
     cell_m: f32,
-    bricks: Vec<Brick>,
-    #[serde(skip)]
+    /// Brick coordinates, in bricks.
+    bricks: Vec<Cell>,
+    known: Vec<Known>,
+    /// Positive: hit more often than crossed.
+    log_odds: Vec<i8>,
+    /// Epoch that last crossed the cell.
+    crossed: Vec<u32>,
+    /// Epoch that last hit it.
+    hit: Vec<u32>,
+    /// First surfel of the cell.
+    surfels: Vec<u32>,
     index: FxHashMap<u64, u32>,
+}
+
+/// A stored grid.
+#[derive(Debug)]
+pub struct EvidenceState<'a> {
+    pub bricks: Cow<'a, [Cell]>,
+    pub known: Cow<'a, [Known]>,
+    pub log_odds: Cow<'a, [i8]>,
+    pub crossed: Cow<'a, [u32]>,
+    pub hit: Cow<'a, [u32]>,
+    pub surfels: Cow<'a, [u32]>,
 }
 
 impl Evidence {
     /// An empty grid with cells of `cell_m`.
     pub fn new(cell_m: f32) -> Self {
-        Self { cell_m, bricks: Vec::new(), index: FxHashMap::default() }
+        Self {
+            cell_m,
+            bricks: Vec::new(),
+            known: Vec::new(),
+            log_odds: Vec::new(),
+            crossed: Vec::new(),
+            hit: Vec::new(),
+            surfels: Vec::new(),
+            index: FxHashMap::default(),
+        }
     }
 
-    /// Restores what a checkpoint does not hold.
-    pub fn rebuild_index(&mut self) {
-        let bricks = self.bricks.iter().enumerate();
-        self.index = bricks.map(|(i, b)| (pack(b.cell), i as u32)).collect();
+    /// Everything that [`Evidence::with_state`] needs to go on as if it had not stopped.
+    pub fn state(&self) -> EvidenceState<'_> {
+        EvidenceState {
+            bricks: Cow::Borrowed(&self.bricks),
+            known: Cow::Borrowed(&self.known),
+            log_odds: Cow::Borrowed(&self.log_odds),
+            crossed: Cow::Borrowed(&self.crossed),
+            hit: Cow::Borrowed(&self.hit),
+            surfels: Cow::Borrowed(&self.surfels),
+        }
+    }
+
+    /// Takes up a stored state; `surfels` is the number of surfel slots.
+    pub fn with_state(mut self, state: EvidenceState<'_>, surfels: usize) -> Result<Self> {
+        let bricks = state.bricks.len();
+        let cells =
+            [state.log_odds.len(), state.crossed.len(), state.hit.len(), state.surfels.len()];
+        if state.known.len() != bricks
+            || cells.iter().any(|&c| c != bricks * CELLS)
+            || state.surfels.iter().any(|&s| s != NO_SURFEL && s as usize >= surfels)
+        {
+            return Err(Error::corrupt("evidence", "columns do not fit together"));
+        }
+        self.bricks = state.bricks.into_owned();
+        self.known = state.known.into_owned();
+        self.log_odds = state.log_odds.into_owned();
+        self.crossed = state.crossed.into_owned();
+        self.hit = state.hit.into_owned();
+        self.surfels = state.surfels.into_owned();
+        let places = self.bricks.iter().enumerate();
+        self.index = places.map(|(i, &b)| (pack(b), i as u32)).collect();
+        Ok(self)
     }
 
     /// Edge length of a cell, m.
@@ -98,12 +136,12 @@ impl Evidence {
 
     /// A brick's low corner, in cells.
     pub fn brick_cell(&self, brick: u32) -> Cell {
-        self.bricks[brick as usize].cell.map(|c| c * BRICK_CELLS)
+        self.bricks[brick as usize].map(|c| c * BRICK_CELLS)
     }
 
     /// Which cells of a brick are known, bit x + 8y + 64z.
     pub fn known(&self, brick: u32) -> &Known {
-        &self.bricks[brick as usize].known
+        &self.known[brick as usize]
     }
 
     /// Bytes held.
@@ -129,19 +167,19 @@ impl Evidence {
     /// First surfel of a cell, or [`NO_SURFEL`].
     #[inline]
     pub fn first_surfel(&self, at: CellAddress) -> u32 {
-        self.bricks[at.brick as usize].surfels[at.index as usize]
+        self.surfels[at.slot()]
     }
 
     /// Makes `surfel` the first of the cell around `point`; returns the one that was.
     pub fn push_surfel(&mut self, point: Vec3, surfel: u32) -> u32 {
         let at = self.address(cell_of(point, 1.0 / self.cell_m));
-        let slot = &mut self.bricks[at.brick as usize].surfels[at.index as usize];
+        let slot = &mut self.surfels[at.slot()];
         std::mem::replace(slot, surfel)
     }
 
     /// Replaces the head of a cell's list.
     pub fn set_first_surfel(&mut self, at: CellAddress, surfel: u32) {
-        self.bricks[at.brick as usize].surfels[at.index as usize] = surfel;
+        self.surfels[at.slot()] = surfel;
     }
 
     /// Whether the cell around a point was ever crossed or hit.
@@ -149,7 +187,7 @@ impl Evidence {
     pub fn is_known(&self, point: Vec3) -> bool {
         self.find(point).is_some_and(|at| {
             let i = at.index as usize;
-            self.bricks[at.brick as usize].known[i >> 6] >> (i & 63) & 1 == 1
+            self.known[at.brick as usize][i >> 6] >> (i & 63) & 1 == 1
         })
     }
 
@@ -158,9 +196,8 @@ impl Evidence {
     #[inline]
     pub fn free_since(&self, point: Vec3) -> Option<u32> {
         let at = self.find(point)?;
-        let brick = &self.bricks[at.brick as usize];
-        let i = at.index as usize;
-        (brick.log_odds[i] < 0).then(|| brick.crossed[i])
+        let i = at.slot();
+        (self.log_odds[i] < 0).then(|| self.crossed[i])
     }
 
     /// Carves the rays of every `stride`-th pixel in u and v. A cell counts once a frame, and a
@@ -193,14 +230,13 @@ impl Evidence {
 
     fn hit(&mut self, cell: Cell, epoch: u32, cache: &mut (u64, u32), carved: &mut Carved) {
         let at = self.cached_address(cell, cache);
-        let brick = &mut self.bricks[at.brick as usize];
-        let i = at.index as usize;
-        if brick.hit[i] == epoch {
+        let i = at.slot();
+        if self.hit[i] == epoch {
             return;
         }
-        brick.hit[i] = epoch;
-        brick.log_odds[i] = (brick.log_odds[i] + 1).min(FLIP);
-        if mark_known(&mut brick.known, i) {
+        self.hit[i] = epoch;
+        self.log_odds[i] = (self.log_odds[i] + 1).min(FLIP);
+        if self.mark_known(at) {
             carved.changed_bricks.push(at.brick);
         }
     }
@@ -243,23 +279,33 @@ impl Evidence {
     #[inline]
     fn cross_cell(&mut self, cell: Cell, epoch: u32, cache: &mut (u64, u32), carved: &mut Carved) {
         let at = self.cached_address(cell, cache);
-        let brick = &mut self.bricks[at.brick as usize];
-        let i = at.index as usize;
-        if brick.crossed[i] == epoch || brick.hit[i] == epoch {
+        let i = at.slot();
+        if self.crossed[i] == epoch || self.hit[i] == epoch {
             return;
         }
-        let first = brick.crossed[i] == 0;
-        brick.crossed[i] = epoch;
-        brick.log_odds[i] = (brick.log_odds[i] - 1).max(-FLIP);
-        if mark_known(&mut brick.known, i) {
+        let first = self.crossed[i] == 0;
+        self.crossed[i] = epoch;
+        self.log_odds[i] = (self.log_odds[i] - 1).max(-FLIP);
+        if self.mark_known(at) {
             carved.changed_bricks.push(at.brick);
         }
         if first {
             carved.opened.push(cell);
         }
-        if brick.surfels[i] != NO_SURFEL {
+        if self.surfels[i] != NO_SURFEL {
             carved.suspects.push(at);
         }
+    }
+
+    /// Marks a cell as crossed or hit; returns whether it is so for the first time.
+    #[inline]
+    fn mark_known(&mut self, at: CellAddress) -> bool {
+        let i = at.index as usize;
+        let word = &mut self.known[at.brick as usize][i >> 6];
+        let bit = 1u64 << (i & 63);
+        let new = *word & bit == 0;
+        *word |= bit;
+        new
     }
 
     #[inline]
@@ -280,7 +326,13 @@ impl Evidence {
         let next = self.bricks.len() as u32;
         let id = *self.index.entry(pack(brick)).or_insert(next);
         if id == next {
-            self.bricks.push(Brick::new(brick));
+            self.bricks.push(brick);
+            self.known.push([0; 8]);
+            let cells = self.bricks.len() * CELLS;
+            self.log_odds.resize(cells, 0);
+            self.crossed.resize(cells, 0);
+            self.hit.resize(cells, 0);
+            self.surfels.resize(cells, NO_SURFEL);
         }
         id
     }
@@ -294,12 +346,4 @@ fn brick_of(cell: Cell) -> Cell {
 #[inline]
 fn index_of(cell: Cell) -> u16 {
     ((cell[0] & 7) | (cell[1] & 7) << 3 | (cell[2] & 7) << 6) as u16
-}
-
-#[inline]
-fn mark_known(known: &mut Known, i: usize) -> bool {
-    let (word, bit) = (&mut known[i >> 6], 1u64 << (i & 63));
-    let new = *word & bit == 0;
-    *word |= bit;
-    new
 }

@@ -1,26 +1,28 @@
 //! One frame into surfels, evidence, voxels and prior: everything that needs no training.
 
-use glam::Vec3;
-use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
-use super::evidence::{BRICK_CELLS, Carved, CellAddress, Evidence};
+use glam::Vec3;
+
+use super::evidence::{BRICK_CELLS, Carved, CellAddress, Evidence, EvidenceState};
 use super::observe::observe;
-use super::prior::{PriorChange, PriorField};
+use super::prior::{PriorChange, PriorField, PriorState};
 use super::split;
-use super::surfel::{NO_SURFEL, SurfelMap, Touch};
+use super::surfel::{NO_SURFEL, SurfelMap, SurfelState, Touch};
 use crate::config::MapConfig;
+use crate::error::Result;
 use crate::frame::Frame;
-use crate::octree::{Cell, Topology, cell_of};
+use crate::octree::{Cell, NO_ROW, NodeSource, Topology, cell_of};
 
 /// Signed distances this close to an observed surface are known, m (design.md "Evidence").
 pub const NEAR_M: f32 = 0.1;
 /// Edge length of leaves in observed free space, m.
 const FREE_LEAF_M: f32 = 0.2;
 /// A surfel that this many frames saw through is gone.
-const GONE_AFTER: u8 = 8;
+const GONE_AFTER: u32 = 8;
 
 /// Lattice sizes that follow from r0 and the finest level, as log2 of units.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy)]
 pub struct Lattice {
     pub unit_m: f32,
     /// Level 0.
@@ -52,7 +54,7 @@ impl Lattice {
 }
 
 /// The observed surface and what follows from it in closed form.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug)]
 pub struct Surface {
     lattice: Lattice,
     surfel_stride: u32,
@@ -61,10 +63,19 @@ pub struct Surface {
     pub surfels: SurfelMap,
     pub evidence: Evidence,
     pub prior: PriorField,
-    /// Level-0 voxels (by node) whose ring of neighbours exists.
-    ringed: Vec<bool>,
-    /// Octree node of each evidence brick.
-    brick_nodes: Vec<u32>,
+    /// 1 for level-0 voxels (by node) whose ring of neighbours exists.
+    ringed: Vec<u8>,
+    /// Bricks (by id) that the octree has a voxel for.
+    bricks_planted: u32,
+}
+
+/// A stored surface.
+#[derive(Debug)]
+pub struct SurfaceState<'a> {
+    pub surfels: SurfelState<'a>,
+    pub evidence: EvidenceState<'a>,
+    pub prior: PriorState<'a>,
+    pub ringed: Cow<'a, [u8]>,
 }
 
 /// What one frame changed.
@@ -88,20 +99,29 @@ impl Surface {
             evidence: Evidence::new(lattice.size_m(lattice.cell)),
             prior: PriorField::new(config.max_distance_m),
             ringed: Vec::new(),
-            brick_nodes: Vec::new(),
+            bricks_planted: 0,
         }
     }
 
-    /// Restores what a checkpoint does not hold.
-    pub fn rebuild_index(&mut self) {
-        self.surfels.rebuild_index();
-        self.evidence.rebuild_index();
-        self.prior.rebuild_index();
+    /// Everything that [`Surface::with_state`] needs to go on as if it had not stopped.
+    pub fn state(&self) -> SurfaceState<'_> {
+        SurfaceState {
+            surfels: self.surfels.state(),
+            evidence: self.evidence.state(),
+            prior: self.prior.state(),
+            ringed: Cow::Borrowed(&self.ringed),
+        }
     }
 
-    /// Octree node of each evidence brick, or `NO_NODE` where the budget refused it.
-    pub fn brick_nodes(&self) -> &[u32] {
-        &self.brick_nodes
+    /// Takes up a stored state beside a topology of `rows` rows.
+    pub fn with_state(mut self, state: SurfaceState<'_>, rows: usize) -> Result<Self> {
+        self.surfels = self.surfels.with_state(state.surfels)?;
+        let slots = self.surfels.slots();
+        self.evidence = self.evidence.with_state(state.evidence, slots)?;
+        self.prior = self.prior.with_state(state.prior, rows, slots)?;
+        self.ringed = state.ringed.into_owned();
+        self.bricks_planted = self.evidence.bricks() as u32;
+        Ok(self)
     }
 
     /// Bytes held.
@@ -113,7 +133,7 @@ impl Surface {
     pub fn integrate(
         &mut self,
         frame: &Frame,
-        source: u16,
+        source: u32,
         epoch: u32,
         topology: &mut Topology,
         pool: &rayon::ThreadPool,
@@ -221,10 +241,9 @@ impl Surface {
         let l = self.lattice;
         let inverse = 1.0 / l.unit_m;
         let mut wanted: Vec<(Cell, u8)> = Vec::new();
-        for brick in self.brick_nodes.len() as u32..self.evidence.bricks() as u32 {
-            let cell = self.evidence.brick_cell(brick).map(|c| c << l.cell);
-            let node = topology.insert(cell, l.brick).unwrap_or(crate::octree::NO_NODE);
-            self.brick_nodes.push(node);
+        let bricks = self.evidence.bricks() as u32;
+        for brick in std::mem::replace(&mut self.bricks_planted, bricks)..bricks {
+            topology.insert(self.evidence.brick_cell(brick).map(|c| c << l.cell), l.brick);
         }
         for &(id, touch) in touched {
             if touch == Touch::New {
@@ -239,9 +258,9 @@ impl Surface {
         for &(cell, log2) in &wanted {
             let Some(node) = topology.insert(cell.map(|c| c << log2), log2) else { continue };
             if self.ringed.len() <= node as usize {
-                self.ringed.resize(topology.node_slots(), false);
+                self.ringed.resize(topology.node_slots(), 0);
             }
-            if !std::mem::replace(&mut self.ringed[node as usize], true) {
+            if std::mem::replace(&mut self.ringed[node as usize], 1) == 0 {
                 push_ring(cell, reach, &mut ring);
             }
         }
@@ -269,8 +288,8 @@ impl Surface {
             }
             let cell = cell_of(self.surfels.get(id).position, inverse);
             let Some(node) = topology.finest(cell) else { continue };
-            for &row in crate::octree::NodeSource::corners(topology, node) {
-                if row != crate::octree::NO_ROW {
+            for &row in topology.corners(node) {
+                if row != NO_ROW {
                     self.prior.offer(row, id, topology, &self.surfels);
                 }
             }
@@ -282,8 +301,8 @@ impl Surface {
         for cell in opened {
             let low = cell.map(|c| c << self.lattice.cell);
             let Some(node) = topology.finest(low) else { continue };
-            for &row in crate::octree::NodeSource::corners(topology, node) {
-                if row != crate::octree::NO_ROW {
+            for &row in topology.corners(node) {
+                if row != NO_ROW {
                     self.prior.mark(row);
                 }
             }

@@ -9,8 +9,8 @@ mod prior;
 mod split;
 mod surfel;
 
-pub use evidence::{BRICK_CELLS, Carved, CellAddress, Evidence, Known};
-pub use fusion::{Lattice, NEAR_M, Surface, SurfaceChange};
+pub use evidence::{BRICK_CELLS, Carved, CellAddress, Evidence, EvidenceState, Known};
+pub use fusion::{Lattice, NEAR_M, Surface, SurfaceChange, SurfaceState};
 pub use observe::{Observation, observe};
-pub use prior::{PriorChange, PriorField};
-pub use surfel::{NO_SURFEL, Surfel, SurfelMap, Touch};
+pub use prior::{PriorChange, PriorField, PriorState};
+pub use surfel::{Link, NO_SURFEL, Surfel, SurfelMap, SurfelState, Touch};

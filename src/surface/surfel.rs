@@ -1,11 +1,14 @@
 //! Fused surface elements in a voxel hash, keyed by cell and dominant normal axis with sign, so
 //! that the two sides of a panel never merge.
 
+use std::borrow::Cow;
+
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rustc_hash::FxHashMap;
-use serde::{Deserialize, Serialize};
 
 use super::observe::Observation;
+use crate::error::{Error, Result};
 use crate::octree::{LIMIT, cell_of};
 
 /// No surfel.
@@ -19,7 +22,8 @@ const MOVED_SHARE: f32 = 0.02;
 const TURNED: f32 = 0.05;
 
 /// One fused surface element.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 pub struct Surfel {
     /// World metres.
     pub position: Vec3,
@@ -31,9 +35,9 @@ pub struct Surfel {
     told_position: Vec3,
     told_normal: Vec3,
     /// Frames in a row that saw through it.
-    pub contrary: u8,
+    contrary: u32,
     /// Which robot saw it first.
-    pub source: u16,
+    pub source: u32,
     /// The epoch that made it.
     pub born: u32,
     key: u64,
@@ -67,7 +71,8 @@ impl Surfel {
 }
 
 /// What a search for the nearest surfel reads, apart from the rest so that it stays in cache.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 pub struct Link {
     /// World metres.
     pub position: Vec3,
@@ -82,17 +87,23 @@ pub enum Touch {
     Moved,
 }
 
+/// Stored surfels.
+#[derive(Debug)]
+pub struct SurfelState<'a> {
+    pub surfels: Cow<'a, [Surfel]>,
+    pub links: Cow<'a, [Link]>,
+    pub free: Cow<'a, [u32]>,
+}
+
 /// All surfels of a map.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug)]
 pub struct SurfelMap {
     size_m: f32,
     surfels: Vec<Surfel>,
     links: Vec<Link>,
     free: Vec<u32>,
     alive: usize,
-    #[serde(skip)]
     by_key: FxHashMap<u64, u32>,
-    #[serde(skip)]
     scratch: Scratch,
 }
 
@@ -127,10 +138,32 @@ impl SurfelMap {
         }
     }
 
-    /// Restores what a checkpoint does not hold.
-    pub fn rebuild_index(&mut self) {
+    /// Everything that [`SurfelMap::with_state`] needs to go on as if it had not stopped.
+    pub fn state(&self) -> SurfelState<'_> {
+        SurfelState {
+            surfels: Cow::Borrowed(&self.surfels),
+            links: Cow::Borrowed(&self.links),
+            free: Cow::Borrowed(&self.free),
+        }
+    }
+
+    /// Takes up a stored state.
+    pub fn with_state(mut self, state: SurfelState<'_>) -> Result<Self> {
+        let slots = state.surfels.len();
+        let exists = |&id: &u32| id == NO_SURFEL || (id as usize) < slots;
+        if state.links.len() != slots
+            || !state.free.iter().all(exists)
+            || !state.links.iter().all(|l| exists(&l.next_in_cell))
+        {
+            return Err(Error::corrupt("surfels", "lists refer to what is not there"));
+        }
+        self.surfels = state.surfels.into_owned();
+        self.links = state.links.into_owned();
+        self.free = state.free.into_owned();
         let alive = self.surfels.iter().enumerate().filter(|(_, s)| s.alive());
         self.by_key = alive.map(|(id, s)| (s.key, id as u32)).collect();
+        self.alive = self.by_key.len();
+        Ok(self)
     }
 
     /// Edge length of a cell, m.
@@ -162,7 +195,7 @@ impl SurfelMap {
 
     /// Counts a frame that saw through the surfel (`true`) or saw it (`false`); returns the
     /// frames in a row that saw through it.
-    pub fn vote(&mut self, id: u32, seen_through: bool) -> u8 {
+    pub fn vote(&mut self, id: u32, seen_through: bool) -> u32 {
         let surfel = &mut self.surfels[id as usize];
         surfel.contrary =
             if seen_through { surfel.contrary.saturating_add(1) } else { surfel.contrary / 2 };
@@ -191,7 +224,7 @@ impl SurfelMap {
 
     /// Fuses the observations of one frame; returns the surfels that are new or moved enough to
     /// matter, in a fixed order.
-    pub fn fuse(&mut self, frame: &[Observation], source: u16, epoch: u32) -> Vec<(u32, Touch)> {
+    pub fn fuse(&mut self, frame: &[Observation], source: u32, epoch: u32) -> Vec<(u32, Touch)> {
         let mut scratch = std::mem::take(&mut self.scratch);
         scratch.slot_of.clear();
         scratch.keys.clear();
@@ -268,7 +301,7 @@ impl SurfelMap {
         own
     }
 
-    fn merge(&mut self, key: u64, sum: &Sum, source: u16, epoch: u32) -> Option<(u32, Touch)> {
+    fn merge(&mut self, key: u64, sum: &Sum, source: u32, epoch: u32) -> Option<(u32, Touch)> {
         let point = sum.point / sum.weight;
         let normal = sum.normal.normalize_or_zero();
         let weight = (sum.weight / sum.count).max(1e-3);

@@ -4,11 +4,13 @@
 //! is the same greedy cover, over coarse blocks and only among key frames that share blocks with
 //! the current view, so that its cost follows the view and not the map.
 
+use bytemuck::{Pod, Zeroable};
 use glam::{Mat3, Vec3};
 use rustc_hash::FxHashMap;
 use serde::{Deserialize, Serialize};
 
 use crate::config::MapConfig;
+use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::octree::{cell_of, pack};
 
@@ -20,7 +22,8 @@ const PER_BLOCK: usize = 32;
 const CANDIDATES: usize = 32;
 
 /// One sampled pixel.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
 pub struct Pixel {
     pub u: u16,
     pub v: u16,
@@ -29,7 +32,7 @@ pub struct Pixel {
 }
 
 /// What training keeps of a frame.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone)]
 pub struct KeyFrame {
     /// Camera centre, world metres.
     pub origin: Vec3,
@@ -96,7 +99,7 @@ impl KeyFrame {
 }
 
 /// All key frames of a map.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug)]
 pub struct KeyFrames {
     window: usize,
     iou: f32,
@@ -109,11 +112,34 @@ pub struct KeyFrames {
     by_block: Vec<(u64, BlockFrames)>,
     /// Where the next idle window starts.
     idle_cursor: u32,
-    #[serde(skip)]
     index: FxHashMap<u64, u32>,
 }
 
-#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+/// Stored key frames, their pixels and cells one behind the other.
+#[derive(Debug, Default)]
+pub struct KeyFramesState {
+    pub newest: Option<u32>,
+    pub idle_cursor: u32,
+    pub frames: Vec<Option<FrameRecord>>,
+    pub pixels: Vec<Pixel>,
+    /// Blocks and then voxels of each frame.
+    pub cells: Vec<u64>,
+    pub blocks: Vec<u64>,
+    pub block_trained: Vec<u32>,
+    pub block_counts: Vec<u32>,
+    pub block_ids: Vec<u32>,
+}
+
+/// One stored key frame.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct FrameRecord {
+    origin: Vec3,
+    world_from_camera: Mat3,
+    camera: [f32; 4],
+    lengths: [u32; 3],
+}
+
+#[derive(Debug, Clone, Default)]
 struct BlockFrames {
     ids: Vec<u32>,
     /// The selection that last trained the block.
@@ -136,10 +162,72 @@ impl KeyFrames {
         }
     }
 
-    /// Restores what a checkpoint does not hold.
-    pub fn rebuild_index(&mut self) {
-        let blocks = self.by_block.iter().enumerate();
-        self.index = blocks.map(|(i, (block, _))| (*block, i as u32)).collect();
+    /// Everything that [`KeyFrames::with_state`] needs to go on as if it had not stopped.
+    pub fn state(&self) -> KeyFramesState {
+        let mut state = KeyFramesState {
+            newest: self.newest,
+            idle_cursor: self.idle_cursor,
+            ..KeyFramesState::default()
+        };
+        for frame in &self.frames {
+            state.frames.push(frame.as_ref().map(|f| FrameRecord {
+                origin: f.origin,
+                world_from_camera: f.world_from_camera,
+                camera: f.camera,
+                lengths: [f.pixels.len(), f.blocks.len(), f.voxels.len()].map(|l| l as u32),
+            }));
+            if let Some(f) = frame {
+                state.pixels.extend(&f.pixels);
+                state.cells.extend(f.blocks.iter().chain(&f.voxels));
+            }
+        }
+        for (block, seen) in &self.by_block {
+            state.blocks.push(*block);
+            state.block_trained.push(seen.trained);
+            state.block_counts.push(seen.ids.len() as u32);
+            state.block_ids.extend(&seen.ids);
+        }
+        state
+    }
+
+    /// Takes up a stored state.
+    pub fn with_state(mut self, state: KeyFramesState) -> Result<Self> {
+        let damaged = || Error::corrupt("key frames", "columns do not fit together");
+        let (mut pixels, mut cells) = (&state.pixels[..], &state.cells[..]);
+        for record in state.frames {
+            let Some(record) = record else {
+                self.frames.push(None);
+                continue;
+            };
+            let [p, b, v] = record.lengths.map(|l| l as usize);
+            let frame = KeyFrame {
+                origin: record.origin,
+                world_from_camera: record.world_from_camera,
+                camera: record.camera,
+                pixels: pixels.split_off(..p).ok_or_else(damaged)?.to_vec(),
+                blocks: cells.split_off(..b).ok_or_else(damaged)?.to_vec(),
+                voxels: cells.split_off(..v).ok_or_else(damaged)?.to_vec(),
+            };
+            self.bytes += frame.bytes();
+            self.frames.push(Some(frame));
+        }
+        if state.newest.is_some_and(|id| self.get(id).is_none())
+            || state.block_trained.len() != state.blocks.len()
+            || state.block_counts.len() != state.blocks.len()
+            || state.block_ids.iter().any(|&id| self.get(id).is_none())
+        {
+            return Err(damaged());
+        }
+        let mut ids = &state.block_ids[..];
+        for (i, &block) in state.blocks.iter().enumerate() {
+            let count = state.block_counts[i] as usize;
+            let ids = ids.split_off(..count).ok_or_else(damaged)?.to_vec();
+            self.index.insert(block, i as u32);
+            self.by_block.push((block, BlockFrames { ids, trained: state.block_trained[i] }));
+        }
+        self.newest = state.newest;
+        self.idle_cursor = state.idle_cursor;
+        Ok(self)
     }
 
     /// The number of key frames held.

@@ -4,6 +4,6 @@ mod key_frame;
 mod rays;
 mod schedule;
 
-pub use key_frame::{KeyFrame, KeyFrames};
+pub use key_frame::{FrameRecord, KeyFrame, KeyFrames, KeyFramesState, Pixel};
 pub use rays::{RayPlan, sample};
 pub use schedule::{Pace, Schedule};
