@@ -95,7 +95,7 @@ fn coverage(glyph: &[u8; 8], column: i32, row: i32, size: i32) -> f32 {
     let top = bit(x0, y0) * (1.0 - fx) + bit(x0 + 1, y0) * fx;
     let bottom = bit(x0, y0 + 1) * (1.0 - fx) + bit(x0 + 1, y0 + 1) * fx;
     let value = top * (1.0 - fy) + bottom * fy;
-    ((value - 0.25) / 0.5).clamp(0.0, 1.0)
+    ((value - 0.35) / 0.4).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]
