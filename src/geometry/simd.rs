@@ -4,6 +4,10 @@
 //! A [`Kernel`] body is `#[inline(always)]` all the way down, so that it is compiled inside the
 //! `#[target_feature]` entry point that [`InstructionSet::run`] picks. Invariant: the AVX lane
 //! types are named only by those entry points, which are reached only after the run-time check.
+#![allow(
+    clippy::undocumented_unsafe_blocks,
+    reason = "one argument, the invariant above, holds for every intrinsic here"
+)]
 
 use std::ops::{Add, Deref, DerefMut, Mul, Sub};
 
