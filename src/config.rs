@@ -3,9 +3,13 @@
 //! [`MapSettings`] is raw: what the file, the environment and the flags say. [`MapConfig`] is
 //! checked and complete: every profile default is filled in, and it travels inside a checkpoint.
 
+mod server;
+
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+
+pub use server::{DEFAULT_FILE, ServerConfig, ServerSettings, Settings, StorageSettings};
 
 /// How much work a frame may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use crate::error::{Error, Result};
-use crate::geometry::{Intrinsics, Pose};
+use crate::geometry::{Intrinsics, MAX_COORDINATE_M, Pose};
 
 /// The largest image side that is accepted, pixels.
 pub const MAX_SIDE: u32 = 8192;
@@ -108,30 +108,29 @@ impl Frame {
             }
         }
         check_image("depth", self.depth.width, self.depth.height, self.depth.metres.len(), k)?;
-        if let Some(color) = &self.color {
-            if color.rgb.len() != color.width as usize * color.height as usize * 3 {
-                return Err(Error::invalid(
-                    "color.data",
-                    format!(
-                        "{} bytes do not make {}x{} RGB pixels",
-                        color.rgb.len(),
-                        color.width,
-                        color.height
-                    ),
-                ));
-            }
+        if let Some(color) = &self.color
+            && color.rgb.len() != color.width as usize * color.height as usize * 3
+        {
+            return Err(Error::invalid(
+                "color.data",
+                format!(
+                    "{} bytes do not make {}x{} RGB pixels",
+                    color.rgb.len(),
+                    color.width,
+                    color.height
+                ),
+            ));
         }
         let pose = &self.world_from_camera;
         if !pose.translation.is_finite() || !pose.rotation.is_finite() {
             return Err(Error::invalid("world_from_camera", "must be finite"));
         }
-        if pose.translation.abs().max_element() > crate::octree::MAX_COORDINATE_M {
+        if pose.translation.abs().max_element() > MAX_COORDINATE_M {
             return Err(Error::invalid(
                 "world_from_camera.translation",
                 format!(
                     "{} lies farther than {} m from the origin",
-                    pose.translation,
-                    crate::octree::MAX_COORDINATE_M
+                    pose.translation, MAX_COORDINATE_M
                 ),
             ));
         }

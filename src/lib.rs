@@ -2,7 +2,8 @@
 //!
 //! The rooms, from the ground up (a test holds the floors of `ARCHITECTURE.md` against the code):
 //!
-//! - [`error`], [`geometry`], [`frame`], [`config`]: errors, maths, the frame and its checks, settings
+//! - [`error`], [`geometry`], [`frame`], [`config`], [`numpy`]: errors, maths, the frame and its
+//!   checks, settings, array files
 //! - [`octree`], [`surface`], [`modality`], [`dataset`]: topology; surfels, prior, evidence; fields; readers
 //! - [`train`], [`backend`]: what to train on, and what trains
 //! - [`map`]: a frame in, an epoch out; immutable views that answer questions
@@ -13,18 +14,28 @@
 //! - [`cli`]: one file a subcommand
 
 pub mod backend;
+pub mod cli;
+pub mod client;
 pub mod config;
+pub mod dataset;
+pub mod engine;
 pub mod error;
+pub mod eval;
 pub mod frame;
 pub mod geometry;
+pub mod ingest;
 pub mod map;
 pub mod modality;
+pub mod numpy;
 pub mod octree;
+pub mod serve;
+pub mod service;
+pub mod storage;
+pub mod surface;
+pub mod telemetry;
+pub mod train;
+pub mod wire;
 
-// Unit tests and benchmarks share `tests/support`, which names the library from outside.
+// Unit tests and benchmarks share `tests/support/tree.rs`, which names the library from outside.
 #[cfg(test)]
 extern crate self as orenx;
-
-#[cfg(test)]
-#[path = "../tests/support/tree.rs"]
-mod test_tree;

@@ -44,6 +44,17 @@ pub struct Batch {
     pub eikonal: Vec<bool>,
 }
 
+impl Batch {
+    /// Adds the samples of another batch behind these.
+    pub fn append(&mut self, mut other: Self) {
+        self.points.append(&mut other.points);
+        self.kinds.append(&mut other.kinds);
+        self.distances.append(&mut other.distances);
+        self.occupancies.append(&mut other.occupancies);
+        self.eikonal.append(&mut other.eikonal);
+    }
+}
+
 /// What the host owns and a step reads.
 pub struct Host<'a, N: NodeSource> {
     pub nodes: &'a N,

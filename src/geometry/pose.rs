@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 
 /// The largest entry of |RᵀR − I| that is taken for rounding and projected away. Real recordings
 /// have 4e-4.
-pub const MAX_ROTATION_ERROR: f64 = 1e-2;
+const MAX_ROTATION_ERROR: f64 = 1e-2;
 
 /// A rigid transform in double precision: rotation and translation in metres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -1,14 +1,17 @@
 //! The one writer: a frame in, an epoch out.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::view::MapView;
+use super::view::{BRICKS, MapView, NODES, ROWS, Store};
 use crate::config::MapConfig;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::frame::Frame;
+use crate::geometry::Aabb;
+use crate::octree::{NO_NODE, NodeSource, Topology};
+use crate::surface::{Lattice, Surface, SurfaceChange};
 
 /// What a frame did to the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,15 +48,42 @@ pub struct MapStats {
 
 /// Owns the map and its backend; used by one thread.
 pub struct Mapper {
-    config: MapConfig,
-    view: Arc<MapView>,
+    config: Arc<MapConfig>,
+    pool: rayon::ThreadPool,
+    topology: Topology,
+    surface: Surface,
+    store: Store,
+    stats: MapStats,
+    newest_stamp_ns: i64,
+    changed_rows: Vec<u32>,
+    changed_bricks: Vec<u32>,
 }
 
 impl Mapper {
     /// An empty map.
     pub fn new(config: MapConfig) -> Result<Self> {
-        let view = Arc::new(MapView::new(0, 0, config.clone()));
-        Ok(Self { config, view })
+        let lattice = Lattice::new(&config);
+        let pool = rayon::ThreadPoolBuilder::new()
+            .thread_name(|i| format!("orenx-train-{i}"))
+            .build()
+            .map_err(|e| Error::Internal(format!("cannot start trainer threads: {e}")))?;
+        let surface = Surface::new(&config);
+        let store = Store {
+            unit_m: lattice.unit_m,
+            cell_m: lattice.size_m(lattice.cell),
+            ..Store::default()
+        };
+        Ok(Self {
+            topology: Topology::new(lattice.unit_m, lattice.brick, usize::MAX),
+            surface,
+            store,
+            pool,
+            config: Arc::new(config),
+            stats: MapStats::default(),
+            newest_stamp_ns: 0,
+            changed_rows: Vec::new(),
+            changed_bricks: Vec::new(),
+        })
     }
 
     /// The map's settings.
@@ -64,14 +94,72 @@ impl Mapper {
     /// Takes one checked frame into the map. On an error the map is as before.
     pub fn integrate(&mut self, frame: &Frame) -> Result<FrameOutcome> {
         frame.check()?;
-        let epoch = self.view.epoch() + 1;
-        self.view = Arc::new(MapView::new(epoch, frame.stamp_ns, self.config.clone()));
-        Ok(FrameOutcome { epoch, valid_pixels: frame.depth.valid_pixels() as u32, steps: 0 })
+        let start = Instant::now();
+        let valid_pixels = frame.depth.valid_pixels() as u32;
+        self.stats.epoch += 1;
+        self.stats.frames += 1;
+        let epoch = self.stats.epoch;
+        self.newest_stamp_ns = self.newest_stamp_ns.max(frame.stamp_ns);
+        let change = self.surface.integrate(frame, 0, epoch as u32, &mut self.topology, &self.pool);
+        self.remember(change);
+        self.stats.stages_ms = vec![("allocate".to_owned(), start.elapsed().as_secs_f32() * 1e3)];
+        Ok(FrameOutcome { epoch, valid_pixels, steps: 0 })
+    }
+
+    fn remember(&mut self, change: SurfaceChange) {
+        self.changed_rows.extend(change.prior.rows);
+        self.changed_bricks.extend(change.changed_bricks);
     }
 
     /// Publishes everything integrated so far as a new immutable view.
     pub fn publish(&mut self) -> Arc<MapView> {
-        self.view.clone()
+        let start = Instant::now();
+        self.write_nodes();
+        let rows = std::mem::take(&mut self.changed_rows);
+        self.store.rows.grow(self.topology.rows().div_ceil(ROWS));
+        for row in rows {
+            let page = self.store.rows.write(row as usize / ROWS);
+            page.explicit[row as usize % ROWS] = self.surface.prior.values()[row as usize];
+        }
+        self.store.bricks.grow(self.surface.evidence.bricks().div_ceil(BRICKS));
+        for brick in std::mem::take(&mut self.changed_bricks) {
+            let page = self.store.bricks.write(brick as usize / BRICKS);
+            page.known[brick as usize % BRICKS] = *self.surface.evidence.known(brick);
+        }
+        self.stats.stages_ms.push(("publish".to_owned(), start.elapsed().as_secs_f32() * 1e3));
+        Arc::new(MapView {
+            epoch: self.stats.epoch,
+            newest_stamp_ns: self.newest_stamp_ns,
+            config: self.config.clone(),
+            store: self.store.clone(),
+        })
+    }
+
+    fn write_nodes(&mut self) {
+        let mut nodes = self.topology.take_changed_nodes();
+        nodes.sort_unstable();
+        nodes.dedup();
+        self.store.root = self.topology.root();
+        self.store.node_slots = self.topology.node_slots();
+        self.store.nodes.grow(self.topology.node_slots().div_ceil(NODES));
+        let mut bounds = self.store.bounds.unwrap_or(Aabb::EMPTY);
+        for node in nodes {
+            let page = self.store.nodes.write(node as usize / NODES);
+            let i = node as usize % NODES;
+            page.children[i] = self.topology.children(node);
+            page.corners[i] = *self.topology.corners(node);
+            page.low[i] = self.topology.low_corner(node);
+            page.log2_size[i] = self.topology.log2_size(node);
+            let low = self.topology.min_m(node);
+            let brick = self.surface.evidence.find(low + 0.5 * self.topology.size_m(node));
+            let carries = page.corners[i][0] != NO_NODE;
+            page.brick[i] = brick.filter(|_| carries).map_or(NO_NODE, |b| b.brick);
+            if carries {
+                bounds.extend(low);
+                bounds.extend(low + self.topology.size_m(node));
+            }
+        }
+        self.store.bounds = (!bounds.is_empty()).then_some(bounds);
     }
 
     /// Refines from key frames when no frame waits, for about `budget`. Returns whether more
@@ -81,8 +169,18 @@ impl Mapper {
         false
     }
 
+    pub fn debug_label(&self, p: glam::Vec3) -> Option<(f32, glam::Vec3)> {
+        self.surface.label(&self.topology, p)
+    }
     /// Counters and sizes.
     pub fn stats(&self) -> MapStats {
-        MapStats { epoch: self.view.epoch(), ..MapStats::default() }
+        MapStats {
+            voxels: self.topology.voxels(),
+            rows: self.topology.rows() as u64,
+            surfels: self.surface.surfels.len() as u64,
+            voxels_refused: self.topology.refused(),
+            map_bytes: self.topology.bytes() + self.surface.bytes(),
+            ..self.stats.clone()
+        }
     }
 }

@@ -1,9 +1,14 @@
 //! The map: [`Mapper`] takes frames and publishes [`MapView`]s; a view answers questions.
 
 mod mapper;
+mod mesh;
+mod pages;
+mod parallel;
 mod query;
 mod view;
 
 pub use mapper::{FrameOutcome, MapStats, Mapper};
+pub use mesh::{TriangleMesh, default_resolution_m, extract_mesh};
+pub use parallel::{CHUNK_POINTS, PointQuery, query_parallel, query_pool};
 pub use query::{Fields, PointAnswers, State};
 pub use view::MapView;

@@ -12,6 +12,9 @@ pub mod losses;
 pub mod occupancy;
 pub mod read;
 pub mod sdf;
+#[cfg(test)]
+#[path = "../../tests/support/tree.rs"]
+pub(crate) mod test_tree;
 
 use decoder::Decoder;
 

@@ -6,7 +6,7 @@ use super::decoder::{Activations, Gradient, POINTS_MULTIPLE};
 use super::interpolation::{Place, by_column};
 use super::{Decoders, OCCUPANCY_FEATURES, RowSource, SDF_FEATURES, occupancy, sdf};
 use crate::geometry::simd::{InstructionSet, Kernel, LINE, Lanes, Lines};
-use crate::octree::{Cell, Lookup, NodeSource};
+use crate::octree::{Found, Lookup, NodeSource};
 
 /// Points that are located, gathered and decoded together.
 const TILE: usize = 64;
@@ -182,7 +182,7 @@ impl<S: NodeSource + RowSource> Reader<'_, S> {
     }
 
     fn locate(&mut self, points: &[Vec3]) {
-        let mut cells = [Cell::NONE; TILE];
+        let mut cells = [Found::NONE; TILE];
         let cells = &mut cells[..points.len()];
         self.lookup.find_many(points, cells);
         let tile = &mut self.tile;
@@ -388,7 +388,7 @@ impl Kernel for Chain<'_> {
 mod tests {
     use super::*;
     use crate::geometry::random::{pcg4d, unit};
-    use crate::test_tree::Tree;
+    use crate::modality::test_tree::Tree;
 
     fn random(stream: u32, i: usize) -> f32 {
         2.0 * unit(pcg4d([21, stream, 0, i as u32])[0]) - 1.0

@@ -22,7 +22,7 @@ pub trait NodeSource {
 }
 
 /// The root voxel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Root {
     pub node: u32,
     /// Low corner, lattice units.
@@ -43,13 +43,13 @@ pub struct Located {
 
 /// The finest voxel with rows that contains a point: the short form of [`Located`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Cell {
+pub struct Found {
     pub node: u32,
     /// log2 of the edge length in lattice units.
     pub log2_size: u8,
 }
 
-impl Cell {
+impl Found {
     /// No voxel: outside the root, not a number, or no ancestor carries rows.
     pub const NONE: Self = Self { node: u32::MAX, log2_size: 0 };
 
@@ -77,28 +77,28 @@ impl<'a, S: NodeSource + ?Sized> Lookup<'a, S> {
     }
 
     /// The finest allocated voxel that contains `point` (world metres) and carries rows.
-    pub fn find(&self, point: Vec3) -> Cell {
-        let mut cell = [Cell::NONE];
+    pub fn find(&self, point: Vec3) -> Found {
+        let mut cell = [Found::NONE];
         self.find_many(&[point], &mut cell);
         cell[0]
     }
 
     /// [`Self::find`] for many points; `cells` is as long as `points`.
-    pub fn find_many(&self, points: &[Vec3], cells: &mut [Cell]) {
+    pub fn find_many(&self, points: &[Vec3], cells: &mut [Found]) {
         for (points, cells) in points.chunks(SIDE_BY_SIDE).zip(cells.chunks_mut(SIDE_BY_SIDE)) {
             self.find_side_by_side(points, cells);
         }
     }
 
-    fn find_side_by_side(&self, points: &[Vec3], cells: &mut [Cell]) {
+    fn find_side_by_side(&self, points: &[Vec3], cells: &mut [Found]) {
         let mut offsets = [[0u32; 3]; SIDE_BY_SIDE];
         // Bit i: point i still descends.
         let mut live = 0u32;
         for (i, (point, cell)) in points.iter().zip(cells.iter_mut()).enumerate() {
-            *cell = Cell::NONE;
+            *cell = Found::NONE;
             if let Some(offset) = self.offset(*point) {
                 offsets[i] = offset;
-                *cell = Cell { node: self.root.node, log2_size: self.root.log2_size };
+                *cell = Found { node: self.root.node, log2_size: self.root.log2_size };
                 live |= 1 << i;
             }
         }
@@ -113,7 +113,7 @@ impl<'a, S: NodeSource + ?Sized> Lookup<'a, S> {
                 if link >> octant & 1 == 0 {
                     live &= !(1 << i);
                 } else {
-                    cells[i] = Cell { node: (link >> 8) * 8 + octant, log2_size: bit as u8 };
+                    cells[i] = Found { node: (link >> 8) * 8 + octant, log2_size: bit as u8 };
                 }
             }
             if live == 0 {
@@ -146,12 +146,12 @@ impl<'a, S: NodeSource + ?Sized> Lookup<'a, S> {
 
     /// The slow way, for a finest voxel without rows: the last one above it that has some.
     #[cold]
-    fn last_with_rows(&self, offset: [u32; 3]) -> Cell {
-        let (mut node, mut found) = (self.root.node, Cell::NONE);
+    fn last_with_rows(&self, offset: [u32; 3]) -> Found {
+        let (mut node, mut found) = (self.root.node, Found::NONE);
         let mut bit = u32::from(self.root.log2_size);
         loop {
             if self.source.corners(node)[0] != u32::MAX {
-                found = Cell { node, log2_size: bit as u8 };
+                found = Found { node, log2_size: bit as u8 };
             }
             if bit == 0 {
                 return found;
@@ -167,7 +167,7 @@ impl<'a, S: NodeSource + ?Sized> Lookup<'a, S> {
 
     /// Where the voxel that [`Self::find`] returned for `point` lies; it must be some.
     #[inline]
-    pub fn located(&self, cell: Cell, point: Vec3) -> Located {
+    pub fn located(&self, cell: Found, point: Vec3) -> Located {
         let offset = self.offset(point).unwrap_or_default();
         let shift = u32::from(cell.log2_size);
         let low = |axis: usize| {

@@ -13,7 +13,7 @@ use crate::modality::decoder::{Activations, Gradient, POINTS_MULTIPLE};
 use crate::modality::interpolation::{ExplicitCorners, Place, by_column};
 use crate::modality::losses::{STENCIL_M, Stencil, absolute, consistency, cross_entropy};
 use crate::modality::{Decoders, occupancy, sdf};
-use crate::octree::{Cell, Lookup, NodeSource};
+use crate::octree::{Found, Lookup, NodeSource};
 use glam::Vec3;
 
 /// Samples of one chunk.
@@ -229,7 +229,7 @@ impl<N: NodeSource> Chunk<'_, N> {
     }
 
     /// Adds an evaluation; returns the chunk's index of its voxel.
-    fn evaluate(&mut self, cell: Cell, point: Vec3) -> usize {
+    fn evaluate(&mut self, cell: Found, point: Vec3) -> usize {
         let (index, new) = self.workspace.voxel_index.index(cell.node);
         if new {
             self.add_voxel(cell, point);
@@ -244,7 +244,7 @@ impl<N: NodeSource> Chunk<'_, N> {
         index
     }
 
-    fn add_voxel(&mut self, cell: Cell, point: Vec3) {
+    fn add_voxel(&mut self, cell: Found, point: Vec3) {
         let located = self.inputs.lookup.located(cell, point);
         let global = self.inputs.host.nodes.corners(cell.node);
         let rows = global.map(|row| {

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::radix::sort_by_key;
 use crate::backend::{Batch, SampleKind, StepParameters};
 use crate::modality::losses::{STENCIL_M, Stencil};
-use crate::octree::{Cell, Lookup, NodeSource};
+use crate::octree::{Found, Lookup, NodeSource};
 
 /// Samples located by one task.
 const LOCATE_CHUNK: usize = 512;
@@ -17,16 +17,16 @@ const LOCATE_CHUNK: usize = 512;
 /// The voxels of one sample and of its stencil.
 #[derive(Clone, Copy)]
 pub(super) struct Site {
-    pub centre: Cell,
+    pub centre: Found,
     /// Whether it pays the Eikonal loss: it is asked to, and its whole stencil lies in the tree.
     pub eikonal: bool,
     /// Voxels of the stencil's points, where `eikonal`.
-    pub around: [Cell; Stencil::MAX],
+    pub around: [Found; Stencil::MAX],
 }
 
 impl Site {
     const NONE: Self =
-        Self { centre: Cell::NONE, eikonal: false, around: [Cell::NONE; Stencil::MAX] };
+        Self { centre: Found::NONE, eikonal: false, around: [Found::NONE; Stencil::MAX] };
 }
 
 /// How many samples pay each loss.
@@ -104,7 +104,7 @@ struct Locate<'a, N> {
 impl<N: NodeSource> Locate<'_, N> {
     fn chunk(&self, batch: &Batch, start: usize, sites: &mut [Site]) {
         let points = &batch.points[start..start + sites.len()];
-        let mut cells = [Cell::NONE; LOCATE_CHUNK];
+        let mut cells = [Found::NONE; LOCATE_CHUNK];
         self.lookup.find_many(points, &mut cells[..points.len()]);
         for (i, site) in sites.iter_mut().enumerate() {
             let sample = start + i;
@@ -137,7 +137,7 @@ impl<N: NodeSource> Locate<'_, N> {
                 count += 1;
             }
         }
-        let mut cells = [Cell::NONE; Stencil::MAX];
+        let mut cells = [Found::NONE; Stencil::MAX];
         self.lookup.find_many(&away[..count], &mut cells[..count]);
         for (cell, i) in cells[..count].iter().zip(which) {
             site.around[i] = *cell;
@@ -145,7 +145,7 @@ impl<N: NodeSource> Locate<'_, N> {
         site.eikonal = cells[..count].iter().all(|cell| self.usable(*cell));
     }
 
-    fn usable(&self, cell: Cell) -> bool {
+    fn usable(&self, cell: Found) -> bool {
         cell.is_some()
             && self.nodes.corners(cell.node).iter().all(|row| (*row as usize) < self.rows)
     }

@@ -1,0 +1,34 @@
+# Two commands, each from a fresh Debian-like machine with Rust:
+#   make demo   set up, build, start a server, let a simulated robot map a room into it
+#   make test   set up, build, test
+# and for who changes the code:
+#   make lint   format, clippy, docs, dependencies, spelling
+
+# Recorded scenes for the tests that want them; a test without its data says that it is skipped.
+ORENX_TEST_DATA ?= ../shared/data
+export ORENX_TEST_DATA := $(or $(realpath $(ORENX_TEST_DATA)),$(ORENX_TEST_DATA))
+
+# One optimised profile for all, so that a fresh machine compiles the dependencies once.
+CARGO_FLAGS := --release --locked
+
+.PHONY: demo test lint setup setup-lint
+.DEFAULT_GOAL := demo
+
+demo: setup
+	cargo run $(CARGO_FLAGS) -- demo
+
+test: setup
+	cargo test $(CARGO_FLAGS)
+
+lint: setup-lint
+	cargo fmt --check
+	cargo clippy $(CARGO_FLAGS) --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --no-deps --document-private-items
+	target/tools/bin/cargo-deny --locked check bans licenses sources
+	.venv/bin/typos
+
+setup:
+	.ci/setup build
+
+setup-lint:
+	.ci/setup lint

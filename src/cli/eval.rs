@@ -1,0 +1,39 @@
+//! `orenx eval`: a map judged against a truth folder.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::open::{open_view, write_whole};
+use crate::eval::{Truth, evaluate};
+use crate::map::{default_resolution_m, extract_mesh, query_pool};
+
+/// Judge a map against a folder with known truth and print the geometry table
+#[derive(Debug, Args)]
+pub struct EvalArgs {
+    /// Map file
+    pub map: PathBuf,
+    /// Folder with gt_sdf.npz, or gt_surface.npz and mesh.ply
+    #[arg(long, value_name = "DIR")]
+    pub truth: PathBuf,
+    /// Also write the report as JSON
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+}
+
+impl EvalArgs {
+    pub fn run(self) -> anyhow::Result<()> {
+        let view = open_view(&self.map)?;
+        let truth = Truth::load(&self.truth)?;
+        let pool = query_pool(0)?;
+        let query = |points: &[_], fields| view.query(points, fields);
+        let resolution_m = default_resolution_m(view.config().r0_m);
+        let mesh = || extract_mesh(&query, &view.surface_leaves(), resolution_m, &pool);
+        let report = evaluate(&truth, &query, mesh, &pool)?;
+        print!("{report}");
+        if let Some(path) = &self.report {
+            write_whole(path, |out| Ok(serde_json::to_writer_pretty(out, &report)?))?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,40 @@
+//! `orenx mesh`: the surface as a triangle mesh.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::open::{open_view, write_whole};
+use crate::error::Error;
+use crate::map::{default_resolution_m, extract_mesh, query_pool};
+
+/// Write the surface of a map as a triangle mesh (PLY, metres)
+#[derive(Debug, Args)]
+pub struct MeshArgs {
+    /// Map file
+    pub map: PathBuf,
+    #[arg(long, value_name = "FILE.ply")]
+    pub out: PathBuf,
+    /// Distance between vertices, m; by default a fifth of the map's r0, 0.01 to 0.05
+    #[arg(long, value_name = "M")]
+    pub resolution: Option<f32>,
+}
+
+impl MeshArgs {
+    pub fn run(self) -> anyhow::Result<()> {
+        let view = open_view(&self.map)?;
+        let pool = query_pool(0)?;
+        let resolution_m =
+            self.resolution.unwrap_or_else(|| default_resolution_m(view.config().r0_m));
+        let query = |points: &[_], fields| view.query(points, fields);
+        let mesh = extract_mesh(&query, &view.surface_leaves(), resolution_m, &pool)?;
+        if mesh.triangles.is_empty() {
+            let map = self.map.display();
+            return Err(Error::FailedPrecondition(format!("{map} holds no surface")).into());
+        }
+        write_whole(&self.out, |out| mesh.write_ply(out))?;
+        let (vertices, triangles) = (mesh.vertices.len(), mesh.triangles.len());
+        println!("{}: {vertices} vertices, {triangles} triangles", self.out.display());
+        Ok(())
+    }
+}

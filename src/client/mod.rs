@@ -1,0 +1,120 @@
+//! A gRPC client: what the demo robot, `orenx stream` and `orenx query URL` speak through.
+
+use std::time::Duration;
+
+use glam::Vec3;
+use tokio_stream::Stream;
+use tonic::Streaming;
+use tonic::transport::{Channel, Endpoint};
+
+use crate::error::{Error, Result};
+use crate::map::Fields;
+use crate::service::{MapReport, MapSummary, PointsReply};
+use crate::wire::v1::ingest_client::IngestClient;
+use crate::wire::v1::maps_client::MapsClient;
+use crate::wire::v1::query_client::QueryClient;
+use crate::wire::{
+    MAX_MESSAGE_BYTES, PointsQuestion, error_from_status, map_list_from_wire, map_stats_from_wire,
+    points_question_to_wire, v1,
+};
+
+/// How long a connection may take to be made.
+const CONNECT: Duration = Duration::from_secs(10);
+
+/// A connection to one server. Cheap to clone; clones share the connection.
+#[derive(Clone)]
+pub struct Client {
+    channel: Channel,
+}
+
+impl Client {
+    /// Connects to `host:port` or `http://host:port`.
+    pub async fn connect(url: &str) -> Result<Self> {
+        let wrong = |problem: String| Error::invalid("URL", format!("'{url}': {problem}"));
+        let address = match url.split_once("://") {
+            None => format!("http://{url}"),
+            Some(("http" | "grpc", rest)) => format!("http://{rest}"),
+            Some((scheme, _)) => {
+                return Err(wrong(format!("{scheme}:// is not spoken; try http://host:7610")));
+            }
+        };
+        let endpoint = Endpoint::from_shared(address)
+            .map_err(|e| wrong(e.to_string()))?
+            .connect_timeout(CONNECT)
+            .tcp_nodelay(true);
+        let channel = endpoint.connect().await.map_err(|e| {
+            Error::Unavailable(format!("no server answers at {url}: {}", root_cause(&e)))
+        })?;
+        Ok(Self { channel })
+    }
+
+    /// Distance, gradient, occupancy and state at points (world metres), of epoch `min_epoch` or a
+    /// later one.
+    pub async fn query_points(
+        &self,
+        map_id: &str,
+        points: &[Vec3],
+        fields: Fields,
+        min_epoch: u64,
+    ) -> Result<PointsReply> {
+        let question =
+            PointsQuestion { map_id: map_id.into(), points: points.to_vec(), fields, min_epoch };
+        let reply = QueryClient::new(self.channel.clone())
+            .max_decoding_message_size(MAX_MESSAGE_BYTES)
+            .query_points(points_question_to_wire(&question))
+            .await
+            .map_err(|status| error_from_status(&status))?;
+        Ok(reply.into_inner().into())
+    }
+
+    /// Every map of the server.
+    pub async fn list_maps(&self) -> Result<Vec<MapSummary>> {
+        let reply = MapsClient::new(self.channel.clone())
+            .list_maps(v1::ListMapsRequest {})
+            .await
+            .map_err(|status| error_from_status(&status))?;
+        Ok(map_list_from_wire(reply.into_inner()))
+    }
+
+    /// One map's counters.
+    pub async fn map_stats(&self, map_id: &str) -> Result<MapReport> {
+        let reply = MapsClient::new(self.channel.clone())
+            .get_map_stats(v1::GetMapStatsRequest { map_id: map_id.into() })
+            .await
+            .map_err(|status| error_from_status(&status))?;
+        map_stats_from_wire(reply.into_inner())
+    }
+
+    /// Sends frames as they come and returns their acks. Whoever calls bounds the frames that are
+    /// under way, by the acks.
+    pub async fn stream_frames(
+        &self,
+        frames: impl Stream<Item = v1::Frame> + Send + 'static,
+    ) -> Result<Acks> {
+        let acks = IngestClient::new(self.channel.clone())
+            .max_encoding_message_size(MAX_MESSAGE_BYTES)
+            .stream_frames(frames)
+            .await
+            .map_err(|status| error_from_status(&status))?;
+        Ok(Acks(acks.into_inner()))
+    }
+}
+
+/// The acks of one stream of frames.
+pub struct Acks(Streaming<v1::FrameAck>);
+
+impl Acks {
+    /// The next ack; `None` after the last.
+    pub async fn next(&mut self) -> Result<Option<v1::FrameAck>> {
+        self.0.message().await.map_err(|status| error_from_status(&status))
+    }
+}
+
+/// What the operating system said, under the layers that say "transport error".
+fn root_cause(error: &dyn std::error::Error) -> String {
+    let mut cause = error;
+    while let Some(deeper) = cause.source() {
+        cause = deeper;
+    }
+    cause.to_string()
+}

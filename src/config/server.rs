@@ -1,0 +1,235 @@
+//! Settings of a server: the file as written, and the checked values that the code runs on.
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use super::{MapConfig, MapSettings, Schedule};
+use crate::error::{Error, Result};
+
+/// The file that documents every key. It is the lowest layer of every configuration.
+pub const DEFAULT_FILE: &str = include_str!("../../deploy/orenx.toml");
+
+/// A whole settings file.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    pub server: ServerSettings,
+    pub storage: StorageSettings,
+    pub map: MapSettings,
+}
+
+/// `[server]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ServerSettings {
+    pub grpc: String,
+    pub query_threads: u32,
+    pub max_points: u32,
+    pub lane_frames: u32,
+    pub lanes: u32,
+    pub queued_mib: u32,
+    pub publish_interval_ms: u32,
+}
+
+/// `[storage]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct StorageSettings {
+    pub path: PathBuf,
+}
+
+impl Default for Settings {
+    /// A server's map follows the stream; everything else is as for `orenx map`.
+    fn default() -> Self {
+        Self {
+            server: ServerSettings::default(),
+            storage: StorageSettings::default(),
+            map: MapSettings { schedule: Schedule::Adaptive, ..MapSettings::default() },
+        }
+    }
+}
+
+impl Default for ServerSettings {
+    fn default() -> Self {
+        Self {
+            grpc: "127.0.0.1:7610".into(),
+            query_threads: 0,
+            max_points: 1_000_000,
+            lane_frames: 2,
+            lanes: 64,
+            queued_mib: 512,
+            publish_interval_ms: 33,
+        }
+    }
+}
+
+impl Default for StorageSettings {
+    fn default() -> Self {
+        Self { path: "orenx-data".into() }
+    }
+}
+
+impl Settings {
+    /// Reads a file; what it leaves out has its default.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
+        Self::parse(&text, &path.display().to_string())
+    }
+
+    /// Parses a file's text; `name` names it in errors. The text is read twice: alone, so that a
+    /// wrong key or value is shown with its line, and then over [`DEFAULT_FILE`], so that a section
+    /// keeps its defaults even where they differ from those of its type.
+    pub fn parse(text: &str, name: &str) -> Result<Self> {
+        let wrong = |e: toml::de::Error| Error::invalid(name, e.to_string().trim_end());
+        toml::from_str::<Self>(text).map_err(wrong)?;
+        let mut layers: toml::Table = toml::from_str(DEFAULT_FILE).map_err(wrong)?;
+        for (section, keys) in toml::from_str::<toml::Table>(text).map_err(wrong)? {
+            match (layers.get_mut(&section), keys) {
+                (Some(toml::Value::Table(below)), toml::Value::Table(keys)) => below.extend(keys),
+                (_, keys) => {
+                    layers.insert(section, keys);
+                }
+            }
+        }
+        layers.try_into().map_err(wrong)
+    }
+}
+
+/// Checked settings of a server, without those of its map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ServerConfig {
+    pub grpc: SocketAddr,
+    /// At least one.
+    pub query_threads: usize,
+    pub max_points: usize,
+    /// Frames that may wait for each sensor.
+    pub lane_frames: usize,
+    /// Sensors with waiting frames at a time.
+    pub lanes: usize,
+    /// Memory of all waiting frames, bytes.
+    pub queued_bytes: usize,
+    pub publish_interval: Duration,
+    /// The folder that holds the maps; `None` keeps them in memory.
+    pub storage: Option<PathBuf>,
+}
+
+impl ServerConfig {
+    /// Checks a settings file, its map included.
+    pub fn from_settings(settings: &Settings) -> Result<(Self, MapConfig)> {
+        let server = &settings.server;
+        let grpc = server.grpc.parse().map_err(|_| {
+            Error::invalid(
+                "server.grpc",
+                format!("'{}' is no address and port, as in 127.0.0.1:7610", server.grpc),
+            )
+        })?;
+        let within = |key: &str, value: u32, range: std::ops::RangeInclusive<u32>| {
+            if range.contains(&value) {
+                return Ok(value as usize);
+            }
+            let (low, high) = range.into_inner();
+            Err(Error::invalid(
+                format!("server.{key}"),
+                format!("{value} must be within {low}..={high}"),
+            ))
+        };
+        let query_threads = match within("query_threads", server.query_threads, 0..=256)? {
+            0 => std::thread::available_parallelism().map_or(1, usize::from),
+            threads => threads,
+        };
+        let config = Self {
+            grpc,
+            query_threads,
+            // The reply of the largest question must fit in one message.
+            max_points: within("max_points", server.max_points, 1..=3_000_000)?,
+            lane_frames: within("lane_frames", server.lane_frames, 1..=1024)?,
+            lanes: within("lanes", server.lanes, 1..=4096)?,
+            queued_bytes: within("queued_mib", server.queued_mib, 1..=1 << 20)? << 20,
+            publish_interval: Duration::from_millis(within(
+                "publish_interval_ms",
+                server.publish_interval_ms,
+                0..=10_000,
+            )? as u64),
+            storage: (!settings.storage.path.as_os_str().is_empty())
+                .then(|| settings.storage.path.clone()),
+        };
+        let map = MapConfig::from_settings(&settings.map).map_err(|e| match e {
+            Error::InvalidArgument { field, problem } => {
+                Error::InvalidArgument { field: format!("map.{field}"), problem }
+            }
+            other => other,
+        })?;
+        Ok((config, map))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_compiled_in_file_is_the_default() {
+        let parsed: Settings = toml::from_str(DEFAULT_FILE).expect("it parses");
+        assert_eq!(parsed, Settings::default());
+        assert_eq!(Settings::parse("", "empty").expect("nothing is fine"), Settings::default());
+        ServerConfig::from_settings(&parsed).expect("the defaults pass their checks");
+    }
+
+    /// The keys of a section, out of the error that lists them: those of optional values too.
+    fn keys(section: &str) -> Vec<String> {
+        let text = format!("[{section}]\nno_such_key = 1\n");
+        let error = toml::from_str::<Settings>(&text).expect_err("unknown key").to_string();
+        let expected = error.split_once("expected").expect("lists what is expected").1;
+        expected.split('`').skip(1).step_by(2).map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn the_compiled_in_file_mentions_every_key_in_its_section() {
+        for (section, at_least) in [("server", 7), ("storage", 1), ("map", 10)] {
+            let (_, rest) = DEFAULT_FILE.split_once(&format!("\n[{section}]\n")).expect(section);
+            let body = rest.split("\n[").next().unwrap_or_default();
+            let keys = keys(section);
+            assert!(keys.len() >= at_least, "{section}: {keys:?}");
+            for key in keys {
+                let is_key = |line: &str| {
+                    line.trim_start_matches("# ").split_once(" = ").is_some_and(|(k, _)| k == key)
+                };
+                assert!(body.lines().any(is_key), "[{section}] lacks {key}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_section_keeps_the_defaults_of_a_server() {
+        let settings = Settings::parse("[map]\nprofile = \"full\"\n", "test").expect("fine");
+        assert_eq!(settings.map.schedule, Schedule::Adaptive);
+        assert_eq!(settings.map.profile, crate::config::Profile::Full);
+    }
+
+    #[test]
+    fn a_typo_is_named_with_its_line() {
+        let error = Settings::parse("[server]\nlanes = 3\nlane_frame = 2\n", "my.toml")
+            .expect_err("unknown key")
+            .to_string();
+        for part in ["my.toml", "line 3", "lane_frame"] {
+            assert!(error.contains(part), "{part} in {error}");
+        }
+    }
+
+    #[test]
+    fn values_out_of_range_are_named() {
+        for (text, key) in [
+            ("[server]\nlanes = 0\n", "server.lanes"),
+            ("[server]\ngrpc = \"here\"\n", "server.grpc"),
+            ("[server]\nmax_points = 4000000\n", "server.max_points"),
+            ("[map]\nr0_m = 5.0\n", "map.r0_m"),
+        ] {
+            let settings = Settings::parse(text, "test").expect("parses");
+            let error = ServerConfig::from_settings(&settings).expect_err(key).to_string();
+            assert!(error.starts_with(key), "{error}");
+        }
+    }
+}

@@ -1,0 +1,209 @@
+//! What the rest of the process holds of the mapper thread.
+
+use std::collections::VecDeque;
+use std::future::poll_fn;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock};
+use std::task::{Poll, Waker};
+use std::time::{Duration, Instant};
+
+use super::EngineSettings;
+use super::lanes::{Job, Lanes, QueuePolicy};
+use super::verdict::{FrameSink, Reason, Ticket, Verdict};
+use crate::error::{Error, Result};
+use crate::frame::Frame;
+use crate::map::{MapStats, MapView};
+
+/// The newest view and the map's counters when it was published.
+#[derive(Clone)]
+pub struct Published {
+    pub view: Arc<MapView>,
+    pub stats: Arc<MapStats>,
+}
+
+/// Submits frames, reads views, asks the thread to stop. Cheap to clone.
+#[derive(Clone)]
+pub struct Handle(pub(super) Arc<Shared>);
+
+impl Handle {
+    /// Hands a checked frame to the mapper. Returns when the frame waits in its lane or has its
+    /// verdict; under [`QueuePolicy::Block`] that may take as long as the lane is full. Dropping
+    /// the future settles the frame as [`Reason::Abandoned`].
+    pub async fn submit(&self, frame: Frame, policy: QueuePolicy, sink: Box<dyn FrameSink>) {
+        let mut job = Some(Job { frame, ticket: Ticket::new(sink) });
+        poll_fn(|context| match job.take() {
+            Some(waiting) => match self.0.push(waiting, policy, context.waker()) {
+                None => Poll::Ready(()),
+                back => {
+                    job = back;
+                    Poll::Pending
+                }
+            },
+            None => Poll::Ready(()),
+        })
+        .await;
+    }
+
+    /// The newest view and its counters.
+    pub fn published(&self) -> Published {
+        self.0.published.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Asks the thread to finish the frame at hand, drop those that wait, save and end.
+    pub fn stop(&self) {
+        self.0.stop();
+    }
+
+    /// Waits until the thread has ended; an error if it failed.
+    pub async fn ended(&self) -> Result<()> {
+        poll_fn(|context| {
+            let mut inbox = self.0.inbox();
+            match &inbox.phase {
+                Phase::Ended(None) => Poll::Ready(Ok(())),
+                Phase::Ended(Some(problem)) => Poll::Ready(Err(Error::Internal(problem.clone()))),
+                Phase::Running | Phase::Stopping => {
+                    remember(&mut inbox.watchers, context.waker());
+                    Poll::Pending
+                }
+            }
+        })
+        .await
+    }
+}
+
+/// Where the thread is in its life.
+enum Phase {
+    Running,
+    Stopping,
+    /// With what went wrong, if anything did.
+    Ended(Option<String>),
+}
+
+/// What the thread does next.
+pub(super) enum Event {
+    Frame(Job),
+    /// No frame waits.
+    Idle,
+    /// The end, and the frames that will not be integrated.
+    Stop(VecDeque<Job>),
+}
+
+struct Inbox {
+    lanes: Lanes,
+    phase: Phase,
+    /// Senders that wait for room.
+    senders: Vec<Waker>,
+    /// Those who wait for the end.
+    watchers: Vec<Waker>,
+}
+
+/// Shared by the thread and its handles.
+pub(super) struct Shared {
+    inbox: Mutex<Inbox>,
+    bell: Condvar,
+    published: RwLock<Published>,
+}
+
+impl Shared {
+    pub(super) fn new(settings: &EngineSettings, first: Published) -> Self {
+        Self {
+            inbox: Mutex::new(Inbox {
+                lanes: Lanes::new(settings),
+                phase: Phase::Running,
+                senders: Vec::new(),
+                watchers: Vec::new(),
+            }),
+            bell: Condvar::new(),
+            published: RwLock::new(first),
+        }
+    }
+
+    /// Nothing panics while it holds this lock, and a poisoned one must not stop the shutdown.
+    fn inbox(&self) -> MutexGuard<'_, Inbox> {
+        self.inbox.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Queues a job or settles it; hands it back after remembering `waker` when it must wait.
+    fn push(&self, job: Job, policy: QueuePolicy, waker: &Waker) -> Option<Job> {
+        let mut inbox = self.inbox();
+        if !matches!(inbox.phase, Phase::Running) {
+            drop(inbox);
+            job.ticket.settle(Verdict::Dropped(Reason::Stopping));
+            return None;
+        }
+        let back = inbox.lanes.push(job, policy);
+        if back.is_some() {
+            remember(&mut inbox.senders, waker);
+        } else {
+            self.bell.notify_one();
+        }
+        back
+    }
+
+    /// The next event: a frame if one waits, the stop if it was asked for, and otherwise idleness,
+    /// after `patience` (`None`: without end).
+    pub(super) fn next(&self, patience: Option<Duration>) -> Event {
+        let deadline = patience.map(|p| Instant::now() + p);
+        let mut inbox = self.inbox();
+        loop {
+            if matches!(inbox.phase, Phase::Stopping) {
+                return Event::Stop(drain(&mut inbox));
+            }
+            if let Some(job) = inbox.lanes.pop() {
+                wake(&mut inbox.senders);
+                return Event::Frame(job);
+            }
+            inbox = match deadline.map(|d| d.saturating_duration_since(Instant::now())) {
+                None => self.bell.wait(inbox).unwrap_or_else(PoisonError::into_inner),
+                Some(Duration::ZERO) => return Event::Idle,
+                Some(left) => {
+                    self.bell.wait_timeout(inbox, left).unwrap_or_else(PoisonError::into_inner).0
+                }
+            };
+        }
+    }
+
+    /// Makes a view the newest. The old one is freed outside of the lock.
+    pub(super) fn publish(&self, newest: Published) {
+        let mut slot = self.published.write().unwrap_or_else(PoisonError::into_inner);
+        let old = std::mem::replace(&mut *slot, newest);
+        drop(slot);
+        drop(old);
+    }
+
+    pub(super) fn stop(&self) {
+        let mut inbox = self.inbox();
+        if matches!(inbox.phase, Phase::Running) {
+            inbox.phase = Phase::Stopping;
+        }
+        wake(&mut inbox.senders);
+        self.bell.notify_all();
+    }
+
+    /// The thread is over: frames that still wait are refused, and everyone is told.
+    pub(super) fn end(&self, problem: Option<String>) {
+        let mut inbox = self.inbox();
+        let waiting = drain(&mut inbox);
+        inbox.phase = Phase::Ended(problem);
+        wake(&mut inbox.senders);
+        wake(&mut inbox.watchers);
+        drop(inbox);
+        for job in waiting {
+            job.ticket.settle(Verdict::Dropped(Reason::Stopping));
+        }
+    }
+}
+
+fn drain(inbox: &mut Inbox) -> VecDeque<Job> {
+    std::iter::from_fn(|| inbox.lanes.pop()).collect()
+}
+
+/// One entry a task, however often it asks.
+fn remember(wakers: &mut Vec<Waker>, waker: &Waker) {
+    if !wakers.iter().any(|w| w.will_wake(waker)) {
+        wakers.push(waker.clone());
+    }
+}
+
+fn wake(wakers: &mut Vec<Waker>) {
+    wakers.drain(..).for_each(Waker::wake);
+}

@@ -1,0 +1,36 @@
+//! The mapper thread: one named thread owns the map; frames reach it through bounded lanes, and
+//! immutable views leave it.
+//!
+//! - Readers take the newest [`Published`] pair and never wait for a training step.
+//! - Every frame gets exactly one [`Verdict`], whatever happens to it or to the thread.
+//! - No asynchronous runtime is named here: a full lane and the thread's end are told through
+//!   [`std::task::Waker`]s, which any runtime can drive.
+
+mod handle;
+mod lanes;
+pub mod persist;
+mod thread;
+mod verdict;
+
+pub use handle::{Handle, Published};
+pub use lanes::QueuePolicy;
+pub use thread::Engine;
+pub use verdict::{FrameSink, Queue, Reason, Verdict};
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// Bounds and rhythm of the mapper thread.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EngineSettings {
+    /// Frames that may wait for each (robot, sensor).
+    pub lane_frames: usize,
+    /// Sensors with a lane at a time; the lane that was idle longest makes room.
+    pub lanes: usize,
+    /// Memory of all frames that wait, bytes.
+    pub queued_bytes: usize,
+    /// While frames stream, a view is published at most this often; when none waits, at once.
+    pub publish_interval: Duration,
+    /// Where the map is saved when the thread stops; `None` keeps it in memory only.
+    pub store: Option<PathBuf>,
+}

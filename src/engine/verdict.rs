@@ -1,0 +1,120 @@
+//! What becomes of a frame, and the ticket that makes sure that it is told exactly once.
+
+use crate::error::{Error, Status};
+
+/// Why a frame is not in the map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reason {
+    /// A newer frame of the same sensor took its place.
+    Replaced,
+    /// The mapper was stopping.
+    Stopping,
+    /// The sender left while the frame waited for room.
+    Abandoned,
+    /// A field is missing or wrong.
+    InvalidField,
+    /// No such map.
+    UnknownMap,
+    /// A bound was reached.
+    Exhausted,
+    /// Our own fault.
+    Internal,
+}
+
+impl Reason {
+    /// Every reason, in the order of their numbers.
+    pub const ALL: [Self; 7] = [
+        Self::Replaced,
+        Self::Stopping,
+        Self::Abandoned,
+        Self::InvalidField,
+        Self::UnknownMap,
+        Self::Exhausted,
+        Self::Internal,
+    ];
+
+    /// The name in counters and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Replaced => "replaced",
+            Self::Stopping => "stopping",
+            Self::Abandoned => "abandoned",
+            Self::InvalidField => "invalid_field",
+            Self::UnknownMap => "unknown_map",
+            Self::Exhausted => "exhausted",
+            Self::Internal => "internal",
+        }
+    }
+
+    /// The reason for which a frame with this error is refused.
+    pub fn of(error: &Error) -> Self {
+        match error.status() {
+            Status::InvalidArgument => Self::InvalidField,
+            Status::NotFound => Self::UnknownMap,
+            Status::ResourceExhausted => Self::Exhausted,
+            Status::Unavailable => Self::Stopping,
+            Status::FailedPrecondition | Status::DataLoss | Status::Internal => Self::Internal,
+        }
+    }
+}
+
+/// The last word on a frame.
+#[derive(Debug)]
+pub enum Verdict {
+    /// In the map and visible to queries; the first epoch that holds it.
+    Integrated { epoch: u64 },
+    /// Was good, but gave way.
+    Dropped(Reason),
+    /// Was refused and left no trace in the map.
+    Rejected(Error),
+}
+
+/// How full a sensor's lane is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Queue {
+    pub waiting: usize,
+    pub capacity: usize,
+}
+
+/// Where the news of one frame go. Called from whichever thread knows them, some of them inside the
+/// lock of the lanes: an implementation must not block, submit or stop. Reading views is fine.
+pub trait FrameSink: Send {
+    /// The frame waits in its lane.
+    fn accepted(&mut self, queue: Queue);
+    /// The last word; called exactly once.
+    fn settle(self: Box<Self>, verdict: Verdict);
+}
+
+/// Holds a frame's sink until the verdict. A ticket that is lost, by a panic of the mapper or a
+/// sender that left, settles by itself.
+pub(super) struct Ticket(Option<Box<dyn FrameSink>>);
+
+impl Ticket {
+    pub(super) fn new(sink: Box<dyn FrameSink>) -> Self {
+        Self(Some(sink))
+    }
+
+    pub(super) fn accepted(&mut self, queue: Queue) {
+        if let Some(sink) = &mut self.0 {
+            sink.accepted(queue);
+        }
+    }
+
+    pub(super) fn settle(mut self, verdict: Verdict) {
+        if let Some(sink) = self.0.take() {
+            sink.settle(verdict);
+        }
+    }
+}
+
+impl Drop for Ticket {
+    fn drop(&mut self) {
+        if let Some(sink) = self.0.take() {
+            sink.settle(if std::thread::panicking() {
+                Verdict::Rejected(Error::Internal("the mapper failed on this frame".into()))
+            } else {
+                Verdict::Dropped(Reason::Abandoned)
+            });
+        }
+    }
+}

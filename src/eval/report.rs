@@ -1,0 +1,207 @@
+//! The evaluation report: a stable JSON format, and the paper's geometry table.
+
+use std::fmt;
+
+use serde::Serialize;
+
+/// What `orenx eval --report` writes; sections that do not apply are absent, and a mean over
+/// nothing is `null`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Report {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub geometry: Option<Geometry>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub occupancy: Option<Occupancy>,
+}
+
+/// Errors of the distance field and of the mesh.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Geometry {
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    pub field: Option<FieldErrors>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mesh: Option<MeshErrors>,
+}
+
+/// Errors of the distance field, over known points.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct FieldErrors {
+    pub sdf_mae_m: Ranges,
+    /// The error that 95 % of the points stay below, m.
+    pub sdf_p95_m: Ranges,
+    pub gradient_mae_rad: Ranges,
+    pub sign_accuracy_near: f64,
+    pub sign_accuracy_near_observed: f64,
+    pub known_share: KnownShare,
+}
+
+/// One figure by distance from the surface; `_observed`: the nearest surface was seen.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Ranges {
+    pub near: f64,
+    pub near_observed: f64,
+    pub far: f64,
+    pub far_observed: f64,
+    pub all: f64,
+    pub all_observed: f64,
+}
+
+/// The share of the truth's points that the map knows, which every mean over known points leaves
+/// out.
+pub type KnownShare = Ranges;
+
+/// Errors of the extracted mesh.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct MeshErrors {
+    pub accuracy_m: f64,
+    pub completion_m: f64,
+    pub chamfer_m: f64,
+    pub f_score_5cm: f64,
+    pub f_score_2cm: f64,
+}
+
+/// How well the occupancy field classifies.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Occupancy {
+    pub accuracy: f64,
+    pub known_share: f64,
+}
+
+/// The paper's geometry table, in its units, with what was known beside the means.
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(mesh) = self.geometry.as_ref().and_then(|g| g.mesh.as_ref()) {
+            writeln!(f, "{:<26}{:>12}", "Mesh", "")?;
+            single(f, "Accuracy [cm]", mesh.accuracy_m * 100.0, 2)?;
+            single(f, "Completion [cm]", mesh.completion_m * 100.0, 2)?;
+            single(f, "Chamfer [cm]", mesh.chamfer_m * 100.0, 2)?;
+            single(f, "F-score 5 cm [%]", mesh.f_score_5cm * 100.0, 2)?;
+            single(f, "F-score 2 cm [%]", mesh.f_score_2cm * 100.0, 2)?;
+            writeln!(f)?;
+        }
+        if let Some(field) = self.geometry.as_ref().and_then(|g| g.field.as_ref()) {
+            field_table(f, field)?;
+        }
+        if let Some(occupancy) = &self.occupancy {
+            let (accuracy, known) = (occupancy.accuracy * 100.0, occupancy.known_share * 100.0);
+            writeln!(
+                f,
+                "{:<26}{:>12}{:>12}{:>12}",
+                "Occupancy accuracy [%]",
+                number(accuracy, 2),
+                "",
+                number(known, 2)
+            )?;
+        }
+        Ok(())
+    }
+}
+
+fn field_table(f: &mut fmt::Formatter<'_>, field: &FieldErrors) -> fmt::Result {
+    let (mae, angle, known) = (&field.sdf_mae_m, &field.gradient_mae_rad, &field.known_share);
+    writeln!(
+        f,
+        "{:<26}{:>12}{:>12}{:>12}{:>12}",
+        "Field", "all points", "observed", "known [%]", "of observed"
+    )?;
+    let mut row = |name: &str, plain: f64, observed: f64, digits: usize, shares: (f64, f64)| {
+        writeln!(
+            f,
+            "{name:<26}{:>12}{:>12}{:>12}{:>12}",
+            number(plain, digits),
+            number(observed, digits),
+            number(shares.0 * 100.0, 2),
+            number(shares.1 * 100.0, 2)
+        )
+    };
+    let all = (known.all, known.all_observed);
+    let near = (known.near, known.near_observed);
+    let far = (known.far, known.far_observed);
+    row("SDF MAE, All [cm]", mae.all * 100.0, mae.all_observed * 100.0, 3, all)?;
+    row("SDF MAE, Near [cm]", mae.near * 100.0, mae.near_observed * 100.0, 3, near)?;
+    row("SDF MAE, Far [cm]", mae.far * 100.0, mae.far_observed * 100.0, 3, far)?;
+    row("Grad. MAE, All [rad]", angle.all, angle.all_observed, 3, all)?;
+    row("Grad. MAE, Near [rad]", angle.near, angle.near_observed, 3, near)?;
+    row("Grad. MAE, Far [rad]", angle.far, angle.far_observed, 3, far)?;
+    let sign = (field.sign_accuracy_near * 100.0, field.sign_accuracy_near_observed * 100.0);
+    row("Sign accuracy, Near [%]", sign.0, sign.1, 2, near)
+}
+
+fn single(f: &mut fmt::Formatter<'_>, name: &str, value: f64, digits: usize) -> fmt::Result {
+    writeln!(f, "{name:<26}{:>12}", number(value, digits))
+}
+
+/// A mean over nothing prints as a dash.
+fn number(value: f64, digits: usize) -> String {
+    if value.is_finite() { format!("{value:.digits$}") } else { "-".to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ranges(near_observed: f64) -> Ranges {
+        Ranges {
+            near: 0.004,
+            near_observed,
+            far: 0.01,
+            far_observed: 0.009,
+            all: 0.007,
+            all_observed: f64::NAN,
+        }
+    }
+
+    fn report() -> Report {
+        Report {
+            geometry: Some(Geometry {
+                field: Some(FieldErrors {
+                    sdf_mae_m: ranges(0.0035),
+                    sdf_p95_m: ranges(0.01),
+                    gradient_mae_rad: ranges(0.2),
+                    sign_accuracy_near: 0.97,
+                    sign_accuracy_near_observed: 0.98,
+                    known_share: ranges(0.99),
+                }),
+                mesh: None,
+            }),
+            occupancy: None,
+        }
+    }
+
+    #[test]
+    fn json_has_the_stable_keys_and_no_absent_section() {
+        let json = serde_json::to_value(report()).expect("plain data");
+        let geometry = &json["geometry"];
+        assert_eq!(geometry["sdf_mae_m"]["near_observed"], 0.0035);
+        assert_eq!(geometry["gradient_mae_rad"]["near_observed"], 0.2);
+        assert_eq!(geometry["known_share"]["near_observed"], 0.99);
+        assert_eq!(geometry["sign_accuracy_near"], 0.97);
+        assert!(geometry["sdf_mae_m"]["all_observed"].is_null(), "a mean over nothing");
+        assert!(geometry.get("mesh").is_none() && json.get("occupancy").is_none());
+        let mesh = MeshErrors {
+            accuracy_m: 0.001,
+            completion_m: 0.002,
+            chamfer_m: 0.0015,
+            f_score_5cm: 1.0,
+            f_score_2cm: 0.9,
+        };
+        let only_mesh = Report {
+            geometry: Some(Geometry { field: None, mesh: Some(mesh) }),
+            occupancy: Some(Occupancy { accuracy: 0.9, known_share: 1.0 }),
+        };
+        let json = serde_json::to_value(only_mesh).expect("plain data");
+        assert_eq!(json["geometry"]["mesh"]["f_score_2cm"], 0.9);
+        assert_eq!(json["occupancy"]["accuracy"], 0.9);
+        assert!(json["geometry"].get("sdf_mae_m").is_none());
+    }
+
+    #[test]
+    fn the_table_prints_centimetres_known_shares_and_dashes() {
+        let table = report().to_string();
+        let near = table.lines().find(|l| l.starts_with("SDF MAE, Near")).expect("the row");
+        let cells: Vec<&str> = near.split_whitespace().skip(4).collect();
+        assert_eq!(cells, ["0.400", "0.350", "0.40", "99.00"]);
+        let all = table.lines().find(|l| l.starts_with("SDF MAE, All")).expect("the row");
+        assert_eq!(all.split_whitespace().nth(5), Some("-"));
+    }
+}

@@ -1,0 +1,159 @@
+//! Frames over gRPC: one task a stream reads frames, and acks come back as the engine tells them.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use tokio::sync::mpsc::{self, OwnedPermit};
+use tokio::sync::watch;
+use tokio_stream::wrappers::ReceiverStream;
+use tonic::{Request, Response, Status, Streaming};
+
+use crate::engine::{FrameSink, Queue, Verdict};
+use crate::error::Error;
+use crate::service::Service;
+use crate::wire::{FrameSummary, IncomingFrame, ack_to_wire, v1};
+
+/// Acks of one stream that may wait to be read, two a frame. A client that does not read its acks
+/// stops being read when they are used up.
+const ACKS: usize = 128;
+
+type Ack = Result<v1::FrameAck, Status>;
+
+/// `orenx.v1.Ingest`.
+pub struct IngestService {
+    service: Arc<Service>,
+    closing: watch::Receiver<bool>,
+}
+
+impl IngestService {
+    /// `closing` turns true when streams must end.
+    pub fn new(service: Arc<Service>, closing: watch::Receiver<bool>) -> Self {
+        Self { service, closing }
+    }
+}
+
+#[tonic::async_trait]
+impl v1::ingest_server::Ingest for IngestService {
+    type StreamFramesStream = ReceiverStream<Ack>;
+
+    async fn stream_frames(
+        &self,
+        request: Request<Streaming<v1::Frame>>,
+    ) -> Result<Response<Self::StreamFramesStream>, Status> {
+        let (acks, outgoing) = mpsc::channel(ACKS);
+        let stream = FrameStream {
+            service: self.service.clone(),
+            closing: self.closing.clone(),
+            frames: request.into_inner(),
+            acks,
+        };
+        tokio::spawn(stream.pump());
+        Ok(Response::new(ReceiverStream::new(outgoing)))
+    }
+}
+
+struct FrameStream {
+    service: Arc<Service>,
+    closing: watch::Receiver<bool>,
+    frames: Streaming<v1::Frame>,
+    acks: mpsc::Sender<Ack>,
+}
+
+impl FrameStream {
+    /// Reads frames until the client or the server ends. Room for both acks of a frame is reserved
+    /// before it is read, so that telling them never blocks and never fails; acks still to come
+    /// keep the stream open after this ends.
+    async fn pump(mut self) {
+        loop {
+            let Ok(accepted) = self.acks.clone().reserve_owned().await else { return };
+            let Ok(settled) = self.acks.clone().reserve_owned().await else { return };
+            let next = tokio::select! {
+                next = self.frames.message() => next,
+                _ = self.closing.wait_for(|closing| *closing) => {
+                    Err(Status::unavailable("the server is stopping"))
+                }
+            };
+            match next {
+                Ok(Some(message)) => {
+                    let sink = AckSink {
+                        service: self.service.clone(),
+                        frame: FrameSummary::from(&message),
+                        arrived: Instant::now(),
+                        queue: Queue::default(),
+                        accepted: Some(accepted),
+                        settled,
+                    };
+                    if !self.take(message, Box::new(sink)).await {
+                        return;
+                    }
+                }
+                Ok(None) => return,
+                Err(status) => {
+                    drop((accepted, settled));
+                    return self.close(status).await;
+                }
+            }
+        }
+    }
+
+    /// Brings one frame to its lane or its refusal; whether the client is still there. Decoding
+    /// images takes milliseconds and must not hold up the answers to others.
+    async fn take(&self, message: v1::Frame, sink: Box<AckSink>) -> bool {
+        let decoded = tokio::task::spawn_blocking(|| IncomingFrame::try_from(message)).await;
+        let incoming =
+            decoded.unwrap_or_else(|_| Err(Error::Internal("decoding this frame failed".into())));
+        let submitted = async {
+            match incoming {
+                Ok(IncomingFrame { map_id, policy, frame }) => {
+                    self.service.submit_frame(&map_id, frame, policy, sink).await;
+                }
+                Err(error) => self.service.refuse_frame(error, sink),
+            }
+        };
+        tokio::select! {
+            () = submitted => true,
+            () = self.acks.closed() => false,
+        }
+    }
+
+    /// Ends the stream with a status, after every ack was read.
+    async fn close(self, status: Status) {
+        if let Ok(mut permits) = self.acks.reserve_many(ACKS).await
+            && let Some(permit) = permits.next()
+        {
+            permit.send(Err(status));
+        }
+    }
+}
+
+/// Turns the news of one frame into its acks.
+struct AckSink {
+    service: Arc<Service>,
+    frame: FrameSummary,
+    arrived: Instant,
+    queue: Queue,
+    accepted: Option<OwnedPermit<Ack>>,
+    settled: OwnedPermit<Ack>,
+}
+
+impl AckSink {
+    fn ack(&self, verdict: Option<&Verdict>) -> v1::FrameAck {
+        let newest = self.service.newest();
+        ack_to_wire(&self.frame, verdict, newest, self.queue, self.arrived.elapsed())
+    }
+}
+
+impl FrameSink for AckSink {
+    fn accepted(&mut self, queue: Queue) {
+        self.queue = queue;
+        let ack = self.ack(None);
+        if let Some(permit) = self.accepted.take() {
+            permit.send(Ok(ack));
+        }
+    }
+
+    fn settle(self: Box<Self>, verdict: Verdict) {
+        let ack = self.ack(Some(&verdict));
+        self.settled.send(Ok(ack));
+    }
+}

@@ -1,0 +1,5 @@
+//! Where frames come from.
+
+mod grpc;
+
+pub use grpc::IngestService;

@@ -1,0 +1,65 @@
+//! Questions over gRPC.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use tonic::{Request, Response, Status};
+
+use crate::service::Service;
+use crate::wire::v1::maps_server::Maps;
+use crate::wire::v1::query_server::Query;
+use crate::wire::{
+    PointsQuestion, map_list_to_wire, map_stats_to_wire, points_reply_to_wire, status_from_error,
+    v1,
+};
+
+/// `orenx.v1.Query` and `orenx.v1.Maps`: messages in, verbs, messages out.
+#[derive(Clone)]
+pub(super) struct Edge {
+    service: Arc<Service>,
+}
+
+impl Edge {
+    pub(super) fn new(service: Arc<Service>) -> Self {
+        Self { service }
+    }
+}
+
+#[tonic::async_trait]
+impl Query for Edge {
+    async fn query_points(
+        &self,
+        request: Request<v1::QueryPointsRequest>,
+    ) -> Result<Response<v1::QueryPointsReply>, Status> {
+        let answer = async {
+            let question = PointsQuestion::try_from(request.into_inner())?;
+            let PointsQuestion { map_id, points, fields, min_epoch } = question;
+            self.service.query_points(&map_id, points, fields, min_epoch).await
+        };
+        let reply = answer.await.map_err(|e| status_from_error(&e))?;
+        Ok(Response::new(points_reply_to_wire(reply)))
+    }
+}
+
+#[tonic::async_trait]
+impl Maps for Edge {
+    async fn list_maps(
+        &self,
+        _request: Request<v1::ListMapsRequest>,
+    ) -> Result<Response<v1::ListMapsReply>, Status> {
+        let started = Instant::now();
+        Ok(Response::new(map_list_to_wire(self.service.list_maps(), started.elapsed())))
+    }
+
+    async fn get_map_stats(
+        &self,
+        request: Request<v1::GetMapStatsRequest>,
+    ) -> Result<Response<v1::GetMapStatsReply>, Status> {
+        let started = Instant::now();
+        let report = self
+            .service
+            .map_stats(&request.into_inner().map_id)
+            .map_err(|e| status_from_error(&e))?;
+        Ok(Response::new(map_stats_to_wire(report, started.elapsed())))
+    }
+}

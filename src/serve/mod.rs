@@ -1,0 +1,6 @@
+//! Answers: the server's edges.
+
+mod grpc;
+mod run;
+
+pub use run::run;

@@ -1,0 +1,98 @@
+//! The server's life: every service on one port, health, and the way down.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use tokio::net::TcpListener;
+use tokio::sync::watch;
+use tokio_stream::wrappers::TcpListenerStream;
+use tonic::server::NamedService;
+use tonic::transport::Server;
+use tonic_health::ServingStatus;
+use tonic_health::server::HealthReporter;
+
+use super::grpc::Edge;
+use crate::error::{Error, Result};
+use crate::ingest::IngestService;
+use crate::service::Service;
+use crate::wire::MAX_MESSAGE_BYTES;
+use crate::wire::v1::ingest_server::IngestServer;
+use crate::wire::v1::maps_server::MapsServer;
+use crate::wire::v1::query_server::QueryServer;
+
+/// How long connections may take to end once the server stops. Streams end by themselves when their
+/// frames are settled; this is for clients that never read.
+const DRAIN: Duration = Duration::from_secs(5);
+/// Flow-control windows. A raw frame is about a megabyte: a window smaller than a frame would cost a
+/// round trip inside each one.
+const STREAM_WINDOW_BYTES: u32 = 4 << 20;
+const CONNECTION_WINDOW_BYTES: u32 = 16 << 20;
+/// Requests of one connection that are worked on at a time.
+const CONNECTION_REQUESTS: usize = 64;
+/// A connection whose other end is silent for this long is asked for a sign of life.
+const KEEPALIVE: Duration = Duration::from_secs(20);
+
+/// Serves until `shutdown` or the failure of the mapper, whichever comes first. Then takes no more
+/// frames, tells the senders of waiting ones, and ends the connections.
+pub async fn run(
+    listener: TcpListener,
+    service: Arc<Service>,
+    shutdown: impl Future<Output = ()>,
+) -> Result<()> {
+    let (close, closing) = watch::channel(false);
+    let (health, health_service) = tonic_health::server::health_reporter();
+    set_health(&health, ServingStatus::Serving).await;
+
+    let edge = Edge::new(service.clone());
+    let ingest = IngestServer::new(IngestService::new(service.clone(), closing.clone()))
+        .max_decoding_message_size(MAX_MESSAGE_BYTES);
+    let query = QueryServer::new(edge.clone())
+        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let mut told = closing;
+    let serving = Server::builder()
+        .initial_stream_window_size(STREAM_WINDOW_BYTES)
+        .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
+        .concurrency_limit_per_connection(CONNECTION_REQUESTS)
+        .http2_keepalive_interval(Some(KEEPALIVE))
+        .tcp_nodelay(true)
+        .add_service(health_service)
+        .add_service(ingest)
+        .add_service(query)
+        .add_service(MapsServer::new(edge))
+        .serve_with_incoming_shutdown(TcpListenerStream::new(listener), async move {
+            // An error means that `run` is gone, and everything with it.
+            let _ = told.wait_for(|closing| *closing).await;
+        });
+    tokio::pin!(serving);
+
+    let outcome = tokio::select! {
+        served = &mut serving => return served.map_err(transport_error),
+        () = shutdown => Ok(()),
+        ended = service.ended() => ended,
+    };
+    set_health(&health, ServingStatus::NotServing).await;
+    service.stop();
+    close.send_replace(true);
+    match tokio::time::timeout(DRAIN, serving).await {
+        Ok(served) => served.map_err(transport_error)?,
+        Err(_) => tracing::warn!("some connections did not end within {DRAIN:?}"),
+    }
+    outcome
+}
+
+async fn set_health(health: &HealthReporter, status: ServingStatus) {
+    // The empty name stands for the server as a whole.
+    for name in [
+        "",
+        <IngestServer<IngestService> as NamedService>::NAME,
+        <MapsServer<Edge> as NamedService>::NAME,
+        <QueryServer<Edge> as NamedService>::NAME,
+    ] {
+        health.set_service_status(name, status).await;
+    }
+}
+
+fn transport_error(error: tonic::transport::Error) -> Error {
+    Error::Internal(format!("gRPC: {error}"))
+}

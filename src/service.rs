@@ -1,0 +1,230 @@
+//! The verbs: everything that a robot or a planner can ask for, whatever it speaks.
+//!
+//! Every transport converts its messages, calls these, and converts the answers; nothing is decided
+//! anywhere else.
+
+mod counters;
+mod readers;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use glam::Vec3;
+
+use crate::config::{MapConfig, ServerConfig};
+use crate::engine::{
+    Engine, EngineSettings, FrameSink, Handle, Published, QueuePolicy, Reason, Verdict, persist,
+};
+use crate::error::{Error, Result};
+use crate::frame::Frame;
+use crate::geometry::Aabb;
+use crate::map::{Fields, MapStats, PointAnswers};
+
+pub use counters::FrameCounts;
+use counters::{Counted, Counters};
+use readers::Readers;
+
+/// The id of the one map.
+pub const DEFAULT_MAP: &str = "default";
+/// Its file in the storage folder.
+const MAP_FILE: &str = "default.orenx";
+/// A robot's or a sensor's name is at most this long, bytes.
+const MAX_NAME_BYTES: usize = 128;
+
+/// The answer to a point query: all of it from one epoch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PointsReply {
+    pub answers: PointAnswers,
+    pub epoch: u64,
+    pub newest_stamp_ns: i64,
+    /// Time spent in the server.
+    pub spent: Duration,
+}
+
+/// One map in a list.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MapSummary {
+    pub map_id: String,
+    pub epoch: u64,
+    pub newest_stamp_ns: i64,
+    /// World metres; empty while the map is.
+    pub bounds: Aabb,
+    pub modalities: Vec<String>,
+}
+
+/// A map's counters and those of the frames that were sent to it.
+#[derive(Debug, Clone)]
+pub struct MapReport {
+    pub summary: MapSummary,
+    pub stats: MapStats,
+    pub counts: FrameCounts,
+    /// Memory held by the process, bytes; 0 where the system does not tell.
+    pub resident_bytes: u64,
+}
+
+/// A running server without its transports.
+pub struct Service {
+    mapper: Handle,
+    readers: Readers,
+    counters: Arc<Counters>,
+    max_points: usize,
+}
+
+impl Service {
+    /// Loads or creates the map and starts its thread and the readers. The caller keeps the
+    /// [`Engine`]: it ends the thread and says whether the map was saved.
+    pub fn start(config: &ServerConfig, map: MapConfig) -> Result<(Arc<Self>, Engine)> {
+        let store = config.storage.as_deref().map(prepare_storage).transpose()?;
+        let mapper = match &store {
+            Some(path) => persist::load(path, map)?,
+            None => crate::map::Mapper::new(map)?,
+        };
+        let settings = EngineSettings {
+            lane_frames: config.lane_frames,
+            lanes: config.lanes,
+            queued_bytes: config.queued_bytes,
+            publish_interval: config.publish_interval,
+            store,
+        };
+        let engine = Engine::start(mapper, settings)?;
+        let service = Self {
+            mapper: engine.handle(),
+            readers: Readers::start(config.query_threads, config.max_points)?,
+            counters: Arc::default(),
+            max_points: config.max_points,
+        };
+        Ok((Arc::new(service), engine))
+    }
+
+    /// Checks a frame and hands it to the mapper; `sink` hears of its way and its end.
+    pub async fn submit_frame(
+        &self,
+        map_id: &str,
+        frame: Frame,
+        policy: QueuePolicy,
+        sink: Box<dyn FrameSink>,
+    ) {
+        let sink = Counted::receive(&self.counters, sink);
+        let checked = self.map(map_id).and_then(|mapper| {
+            check_name("robot_id", &frame.robot_id)?;
+            check_name("sensor_id", &frame.sensor_id)?;
+            frame.check()?;
+            Ok(mapper)
+        });
+        match checked {
+            Ok(mapper) => mapper.submit(frame, policy, sink).await,
+            Err(error) => sink.settle(Verdict::Rejected(error)),
+        }
+    }
+
+    /// Refuses a frame that could not even be read, so that it is counted like any other.
+    pub fn refuse_frame(&self, error: Error, sink: Box<dyn FrameSink>) {
+        Counted::receive(&self.counters, sink).settle(Verdict::Rejected(error));
+    }
+
+    /// Answers points (world metres) from the newest view, of which `min_epoch` is demanded. Small
+    /// questions are answered on the calling thread, others on the readers, chunk by chunk; a
+    /// dropped future stops the work at the next chunk.
+    pub async fn query_points(
+        &self,
+        map_id: &str,
+        points: Vec<Vec3>,
+        fields: Fields,
+        min_epoch: u64,
+    ) -> Result<PointsReply> {
+        let started = Instant::now();
+        let Published { view, .. } = self.map(map_id)?.published();
+        if points.len() > self.max_points {
+            return Err(Error::invalid(
+                "points_m",
+                format!(
+                    "{} points; the limit is {} a request (server.max_points)",
+                    points.len(),
+                    self.max_points
+                ),
+            ));
+        }
+        let (epoch, newest_stamp_ns) = (view.epoch(), view.newest_stamp_ns());
+        if epoch < min_epoch {
+            return Err(Error::FailedPrecondition(format!(
+                "min_epoch: {min_epoch} is not published yet, the newest is {epoch}"
+            )));
+        }
+        let answers = if points.len() <= readers::IN_PLACE {
+            readers::evaluate(&view, &points, fields)?
+        } else {
+            self.readers.query(view, points, fields).await?
+        };
+        Ok(PointsReply { answers, epoch, newest_stamp_ns, spent: started.elapsed() })
+    }
+
+    /// Every map.
+    pub fn list_maps(&self) -> Vec<MapSummary> {
+        vec![summary(&self.mapper.published())]
+    }
+
+    /// One map's counters.
+    pub fn map_stats(&self, map_id: &str) -> Result<MapReport> {
+        let published = self.map(map_id)?.published();
+        Ok(MapReport {
+            summary: summary(&published),
+            stats: (*published.stats).clone(),
+            counts: self.counters.read(),
+            resident_bytes: crate::telemetry::resident_bytes(),
+        })
+    }
+
+    /// The newest epoch and the capture time of its newest frame, for acks.
+    pub fn newest(&self) -> (u64, i64) {
+        let view = self.mapper.published().view;
+        (view.epoch(), view.newest_stamp_ns())
+    }
+
+    /// Takes no more frames: the one at hand is finished, those that wait are dropped.
+    pub fn stop(&self) {
+        self.mapper.stop();
+    }
+
+    /// Waits for the end of the mapper thread; an error if it failed.
+    pub async fn ended(&self) -> Result<()> {
+        self.mapper.ended().await
+    }
+
+    fn map(&self, map_id: &str) -> Result<&Handle> {
+        match map_id {
+            DEFAULT_MAP => Ok(&self.mapper),
+            "" => Err(Error::invalid("map_id", format!("is required; try '{DEFAULT_MAP}'"))),
+            other => Err(Error::NotFound {
+                what: format!("map_id: map '{}'", other.chars().take(64).collect::<String>()),
+            }),
+        }
+    }
+}
+
+fn summary(published: &Published) -> MapSummary {
+    let view = &published.view;
+    MapSummary {
+        map_id: DEFAULT_MAP.into(),
+        epoch: view.epoch(),
+        newest_stamp_ns: view.newest_stamp_ns(),
+        bounds: view.bounds(),
+        modalities: view.config().modalities.clone(),
+    }
+}
+
+fn check_name(field: &str, name: &str) -> Result<()> {
+    if name.is_empty() || name.len() > MAX_NAME_BYTES {
+        return Err(Error::invalid(
+            field,
+            format!("{} bytes; must be within 1..={MAX_NAME_BYTES}", name.len()),
+        ));
+    }
+    Ok(())
+}
+
+/// Makes the storage folder, so that a wrong path is found at the start and not at the end.
+fn prepare_storage(folder: &std::path::Path) -> Result<PathBuf> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
+    Ok(folder.join(MAP_FILE))
+}

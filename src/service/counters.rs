@@ -1,0 +1,74 @@
+//! What became of the frames since the start, counted where no frame can be missed: around the
+//! sink that every frame must settle.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use super::Reason;
+use crate::engine::{FrameSink, Queue, Verdict};
+
+/// Frames by their end. `received` is the sum of the others.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct FrameCounts {
+    pub received: u64,
+    pub integrated: u64,
+    /// By reason; reasons that never occurred are absent.
+    pub dropped: Vec<(Reason, u64)>,
+    pub rejected: Vec<(Reason, u64)>,
+    /// Without a verdict yet.
+    pub waiting: u64,
+}
+
+#[derive(Default)]
+pub(super) struct Counters {
+    received: AtomicU64,
+    integrated: AtomicU64,
+    dropped: [AtomicU64; Reason::ALL.len()],
+    rejected: [AtomicU64; Reason::ALL.len()],
+}
+
+impl Counters {
+    /// A snapshot. Ends are read before beginnings, so that `waiting` is never negative.
+    pub(super) fn read(&self) -> FrameCounts {
+        let by_reason = |counts: &[AtomicU64]| -> Vec<(Reason, u64)> {
+            let all = Reason::ALL.iter().zip(counts).map(|(r, c)| (*r, c.load(Relaxed)));
+            all.filter(|(_, count)| *count > 0).collect()
+        };
+        let integrated = self.integrated.load(Relaxed);
+        let (dropped, rejected) = (by_reason(&self.dropped), by_reason(&self.rejected));
+        let received = self.received.load(Relaxed);
+        let lost: u64 = dropped.iter().chain(&rejected).map(|(_, count)| count).sum();
+        let waiting = received.saturating_sub(integrated + lost);
+        FrameCounts { received, integrated, dropped, rejected, waiting }
+    }
+}
+
+/// A sink that counts before it passes the news on.
+pub(super) struct Counted {
+    counters: Arc<Counters>,
+    inner: Box<dyn FrameSink>,
+}
+
+impl Counted {
+    /// Counts the arrival.
+    pub(super) fn receive(counters: &Arc<Counters>, inner: Box<dyn FrameSink>) -> Box<Self> {
+        counters.received.fetch_add(1, Relaxed);
+        Box::new(Self { counters: counters.clone(), inner })
+    }
+}
+
+impl FrameSink for Counted {
+    fn accepted(&mut self, queue: Queue) {
+        self.inner.accepted(queue);
+    }
+
+    fn settle(self: Box<Self>, verdict: Verdict) {
+        let counter = match &verdict {
+            Verdict::Integrated { .. } => &self.counters.integrated,
+            Verdict::Dropped(reason) => &self.counters.dropped[*reason as usize],
+            Verdict::Rejected(error) => &self.counters.rejected[Reason::of(error) as usize],
+        };
+        counter.fetch_add(1, Relaxed);
+        self.inner.settle(verdict);
+    }
+}

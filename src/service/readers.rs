@@ -1,0 +1,238 @@
+//! The threads that answer large questions, a chunk of each in turn.
+//!
+//! A work-stealing pool finishes what its own thread spawned before it looks at newcomers; here a
+//! question goes to the back of the line after every chunk, so that a million points delay ten
+//! thousand by a chunk for each thread, not by a million.
+
+use std::collections::VecDeque;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+
+use glam::Vec3;
+use tokio::sync::oneshot;
+
+use crate::error::{Error, Result};
+use crate::map::{Fields, MapView, PointAnswers};
+
+/// Questions up to this size are answered by the thread that received them: it takes less time than
+/// to wake another.
+pub(super) const IN_PLACE: usize = 2048;
+/// Points evaluated between two looks at cancellation and at other questions, about a millisecond.
+const CHUNK: usize = 4096;
+/// Points of all waiting questions, in multiples of the largest question.
+const BACKLOG: usize = 16;
+
+/// A bounded pool of reader threads. Dropping it ends them after their chunk.
+pub(super) struct Readers {
+    line: Arc<Line>,
+    threads: Vec<JoinHandle<()>>,
+    max_backlog: usize,
+}
+
+impl Readers {
+    pub(super) fn start(threads: usize, max_points: usize) -> Result<Self> {
+        let line = Arc::new(Line::default());
+        let spawn = |index| {
+            let line = line.clone();
+            std::thread::Builder::new()
+                .name(format!("orenx-query-{index}"))
+                .spawn(move || line.serve())
+                .map_err(|e| Error::Internal(format!("a query thread did not start: {e}")))
+        };
+        let threads = (0..threads).map(spawn).collect::<Result<_>>()?;
+        Ok(Self { line, threads, max_backlog: max_points.saturating_mul(BACKLOG) })
+    }
+
+    /// Answers a question; dropping the future cancels what is left of it.
+    pub(super) async fn query(
+        &self,
+        view: Arc<MapView>,
+        points: Vec<Vec3>,
+        fields: Fields,
+    ) -> Result<PointAnswers> {
+        let (done, answer) = oneshot::channel();
+        let question = Arc::new(Question::new(view, points, fields, done));
+        self.enter(&question)?;
+        let _cancel = CancelOnDrop(&question);
+        answer.await.map_err(|_| Error::Unavailable("the server is stopping".into()))?
+    }
+
+    fn enter(&self, question: &Arc<Question>) -> Result<()> {
+        let mut state = self.line.state();
+        let points = state.points + question.points.len();
+        if points > self.max_backlog {
+            return Err(Error::ResourceExhausted {
+                what: "points that wait for an answer".into(),
+                limit: format!("{points} would pass the limit of {}", self.max_backlog),
+            });
+        }
+        state.points = points;
+        state.waiting.push_back(question.clone());
+        self.line.bell.notify_all();
+        Ok(())
+    }
+}
+
+impl Drop for Readers {
+    fn drop(&mut self) {
+        self.line.state().closed = true;
+        self.line.bell.notify_all();
+        for thread in self.threads.drain(..) {
+            if thread.join().is_err() {
+                tracing::error!("a query thread failed");
+            }
+        }
+    }
+}
+
+struct CancelOnDrop<'a>(&'a Question);
+
+impl Drop for CancelOnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.cancelled.store(true, Relaxed);
+    }
+}
+
+/// Questions with chunks that nobody took yet, and the points of all unfinished ones.
+#[derive(Default)]
+struct State {
+    waiting: VecDeque<Arc<Question>>,
+    points: usize,
+    closed: bool,
+}
+
+#[derive(Default)]
+struct Line {
+    state: Mutex<State>,
+    bell: Condvar,
+}
+
+impl Line {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn serve(&self) {
+        while let Some((question, chunk)) = self.take() {
+            let is_last = question.answer(chunk);
+            if is_last {
+                self.state().points -= question.points.len();
+            }
+        }
+    }
+
+    /// The next chunk of the question at the front, which then goes to the back.
+    fn take(&self) -> Option<(Arc<Question>, usize)> {
+        let mut state = self.state();
+        loop {
+            if state.closed {
+                return None;
+            }
+            if let Some(question) = state.waiting.pop_front() {
+                let chunk = question.take_chunk();
+                if chunk + 1 < question.chunks {
+                    state.waiting.push_back(question.clone());
+                }
+                return Some((question, chunk));
+            }
+            state = self.bell.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+}
+
+struct Question {
+    view: Arc<MapView>,
+    points: Vec<Vec3>,
+    fields: Fields,
+    chunks: usize,
+    cancelled: AtomicBool,
+    progress: Mutex<Progress>,
+}
+
+struct Progress {
+    taken: usize,
+    answered: Vec<Option<PointAnswers>>,
+    left: usize,
+    done: Option<oneshot::Sender<Result<PointAnswers>>>,
+}
+
+impl Question {
+    fn new(
+        view: Arc<MapView>,
+        points: Vec<Vec3>,
+        fields: Fields,
+        done: oneshot::Sender<Result<PointAnswers>>,
+    ) -> Self {
+        let chunks = points.len().div_ceil(CHUNK).max(1);
+        let answered = vec![None; chunks];
+        let progress = Progress { taken: 0, answered, left: chunks, done: Some(done) };
+        let cancelled = AtomicBool::new(false);
+        Self { view, points, fields, chunks, cancelled, progress: Mutex::new(progress) }
+    }
+
+    fn progress(&self) -> MutexGuard<'_, Progress> {
+        self.progress.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn take_chunk(&self) -> usize {
+        let mut progress = self.progress();
+        progress.taken += 1;
+        progress.taken - 1
+    }
+
+    /// Evaluates one chunk, unless nobody waits for it; whether it was the last one. The last
+    /// sends the answer.
+    fn answer(&self, chunk: usize) -> bool {
+        let mut answers = None;
+        if !self.cancelled.load(Relaxed) {
+            let end = self.points.len().min((chunk + 1) * CHUNK);
+            answers = Some(evaluate(&self.view, &self.points[chunk * CHUNK..end], self.fields));
+        }
+        let mut progress = self.progress();
+        progress.left -= 1;
+        match answers {
+            Some(Ok(answers)) => progress.answered[chunk] = Some(answers),
+            Some(Err(error)) => {
+                self.cancelled.store(true, Relaxed);
+                progress.finish(Err(error));
+            }
+            None => {}
+        }
+        if progress.left > 0 {
+            return false;
+        }
+        let parts: Option<Vec<PointAnswers>> = progress.answered.drain(..).collect();
+        if let Some(parts) = parts {
+            progress.finish(Ok(concatenate(parts)));
+        }
+        true
+    }
+}
+
+impl Progress {
+    /// Sends the first result; a receiver that is gone was cancelled.
+    fn finish(&mut self, result: Result<PointAnswers>) {
+        if let Some(done) = self.done.take() {
+            let _ = done.send(result);
+        }
+    }
+}
+
+/// A query whose panic stops this one question and not the server.
+pub(super) fn evaluate(view: &MapView, points: &[Vec3], fields: Fields) -> Result<PointAnswers> {
+    catch_unwind(AssertUnwindSafe(|| view.query(points, fields)))
+        .map_err(|_| Error::Internal("this question made the server fail".into()))
+}
+
+fn concatenate(parts: Vec<PointAnswers>) -> PointAnswers {
+    let mut whole = PointAnswers::default();
+    for part in parts {
+        whole.distance.extend(part.distance);
+        whole.gradient.extend(part.gradient);
+        whole.occupancy.extend(part.occupancy);
+        whole.state.extend(part.state);
+    }
+    whole
+}

@@ -1,0 +1,11 @@
+//! What is kept on disk: one file format of tagged sections, written atomically, read with checks.
+//!
+//! No other room names the encoder of the sections.
+
+mod atomic;
+mod reader;
+mod sections;
+#[cfg(test)]
+mod tests;
+
+pub use sections::{Sections, Tag};

@@ -1,0 +1,345 @@
+//! One frame into surfels, evidence, voxels and prior: everything that needs no training.
+
+use std::borrow::Cow;
+
+use glam::Vec3;
+
+use super::evidence::{BRICK_CELLS, Carved, CellAddress, Evidence, EvidenceState};
+use super::observe::observe;
+use super::prior::{PriorChange, PriorField, PriorState};
+use super::split;
+use super::surfel::{NO_SURFEL, SurfelMap, SurfelState, Touch};
+use crate::config::MapConfig;
+use crate::error::Result;
+use crate::frame::Frame;
+use crate::octree::{Cell, NO_ROW, NodeSource, Topology, cell_of};
+
+/// Signed distances this close to an observed surface are known, m (design.md "Evidence").
+pub const NEAR_M: f32 = 0.1;
+/// Edge length of leaves in observed free space, m.
+const FREE_LEAF_M: f32 = 0.2;
+/// A surfel that this many frames saw through is gone.
+const GONE_AFTER: u32 = 8;
+
+/// Lattice sizes that follow from r0 and the finest level, as log2 of units.
+#[derive(Debug, Clone, Copy)]
+pub struct Lattice {
+    pub unit_m: f32,
+    /// Level 0.
+    pub r0: u8,
+    /// Leaves in free space.
+    pub free: u8,
+    /// Evidence cells.
+    pub cell: u8,
+    /// Evidence bricks; the coarsest voxels that carry rows.
+    pub brick: u8,
+}
+
+impl Lattice {
+    /// Sizes for a map's settings.
+    pub fn new(config: &MapConfig) -> Self {
+        let r0 = (-config.finest_level) as u8;
+        let unit_m = config.r0_m / (1u32 << r0) as f32;
+        let nearest = |size_m: f32| (size_m / unit_m).log2().round().max(0.0) as u8;
+        let cell = nearest(NEAR_M);
+        let free = nearest(FREE_LEAF_M).max(r0);
+        let brick = (cell + BRICK_CELLS.ilog2() as u8).max(free).max(r0);
+        Self { unit_m, r0, free, cell, brick }
+    }
+
+    /// An edge length, m.
+    pub fn size_m(&self, log2: u8) -> f32 {
+        (1u64 << log2) as f32 * self.unit_m
+    }
+}
+
+/// The observed surface and what follows from it in closed form.
+#[derive(Debug)]
+pub struct Surface {
+    lattice: Lattice,
+    surfel_stride: u32,
+    carve_stride: u32,
+    split_error_m: f32,
+    pub surfels: SurfelMap,
+    pub evidence: Evidence,
+    pub prior: PriorField,
+    /// 1 for level-0 voxels (by node) whose ring of neighbours exists.
+    ringed: Vec<u8>,
+    /// Bricks (by id) that the octree has a voxel for.
+    bricks_planted: u32,
+}
+
+/// A stored surface.
+#[derive(Debug)]
+pub struct SurfaceState<'a> {
+    pub surfels: SurfelState<'a>,
+    pub evidence: EvidenceState<'a>,
+    pub prior: PriorState<'a>,
+    pub ringed: Cow<'a, [u8]>,
+}
+
+/// What one frame changed.
+#[derive(Debug, Default)]
+pub struct SurfaceChange {
+    pub prior: PriorChange,
+    pub changed_bricks: Vec<u32>,
+    pub surfels_removed: usize,
+}
+
+impl Surface {
+    /// Nothing observed yet.
+    pub fn new(config: &MapConfig) -> Self {
+        let lattice = Lattice::new(config);
+        Self {
+            lattice,
+            surfel_stride: config.surfel_stride,
+            carve_stride: config.carve_stride,
+            split_error_m: config.split_error_m,
+            surfels: SurfelMap::new(config.surfel_size_m),
+            evidence: Evidence::new(lattice.size_m(lattice.cell)),
+            prior: PriorField::new(config.max_distance_m),
+            ringed: Vec::new(),
+            bricks_planted: 0,
+        }
+    }
+
+    /// Everything that [`Surface::with_state`] needs to go on as if it had not stopped.
+    pub fn state(&self) -> SurfaceState<'_> {
+        SurfaceState {
+            surfels: self.surfels.state(),
+            evidence: self.evidence.state(),
+            prior: self.prior.state(),
+            ringed: Cow::Borrowed(&self.ringed),
+        }
+    }
+
+    /// Takes up a stored state beside a topology of `rows` rows.
+    pub fn with_state(mut self, state: SurfaceState<'_>, rows: usize) -> Result<Self> {
+        self.surfels = self.surfels.with_state(state.surfels)?;
+        let slots = self.surfels.slots();
+        self.evidence = self.evidence.with_state(state.evidence, slots)?;
+        self.prior = self.prior.with_state(state.prior, rows, slots)?;
+        self.ringed = state.ringed.into_owned();
+        self.bricks_planted = self.evidence.bricks() as u32;
+        Ok(self)
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        self.surfels.bytes() + self.evidence.bytes() + self.prior.bytes()
+    }
+
+    /// Takes a frame in. `epoch` counts from 1; `source` is the robot.
+    pub fn integrate(
+        &mut self,
+        frame: &Frame,
+        source: u32,
+        epoch: u32,
+        topology: &mut Topology,
+        pool: &rayon::ThreadPool,
+    ) -> SurfaceChange {
+        let Self { surfels, evidence, surfel_stride, carve_stride, .. } = self;
+        let ((observations, touched), carved) = pool.join(
+            || {
+                let observations = observe(frame, *surfel_stride, pool);
+                let touched = surfels.fuse(&observations, source, epoch);
+                (observations.len(), touched)
+            },
+            || evidence.carve(frame, *carve_stride, epoch),
+        );
+        tracing::trace!(observations, touched = touched.len(), "fused");
+        self.index_new(&touched);
+        let gone = self.seen_through(frame, &carved.suspects, epoch);
+        self.allocate(&touched, &carved, topology);
+        self.prior.grow(topology, &self.surfels);
+        self.prior.removed(&gone, topology, &self.surfels);
+        self.surfels.release(&gone);
+        self.seed(&touched, topology);
+        self.reopen(&carved.opened, topology);
+        let mut change = SurfaceChange {
+            changed_bricks: carved.changed_bricks,
+            surfels_removed: gone.len(),
+            ..SurfaceChange::default()
+        };
+        self.settle_and_split(topology, pool, &mut change.prior);
+        change
+    }
+
+    /// Lets waves run and splits leaves until neither changes anything.
+    fn settle_and_split(
+        &mut self,
+        topology: &mut Topology,
+        pool: &rayon::ThreadPool,
+        change: &mut PriorChange,
+    ) {
+        // A leaf can be split at most down to the unit, once a round.
+        for _ in 0..=self.lattice.brick {
+            self.prior.settle(topology, &self.surfels);
+            let now = self.prior.evaluate(topology, &self.surfels, &self.evidence, pool);
+            let splits = split::find(self, topology, &now.rows, self.split_error_m, pool);
+            change.rows.extend(now.rows);
+            change.voided.extend(now.voided);
+            if splits.is_empty() {
+                break;
+            }
+            for node in splits {
+                topology.split(node);
+            }
+            self.prior.grow(topology, &self.surfels);
+        }
+        change.rows.sort_unstable();
+        change.rows.dedup();
+        change.voided.sort_unstable();
+        change.voided.dedup();
+    }
+
+    fn index_new(&mut self, touched: &[(u32, Touch)]) {
+        for &(id, touch) in touched {
+            if touch == Touch::New {
+                let next = self.evidence.push_surfel(self.surfels.get(id).position, id);
+                self.surfels.set_next_in_cell(id, next);
+            }
+        }
+    }
+
+    /// Votes on the surfels of cells that rays crossed; removes and returns those that
+    /// [`GONE_AFTER`] frames saw through.
+    fn seen_through(&mut self, frame: &Frame, suspects: &[CellAddress], epoch: u32) -> Vec<u32> {
+        let inverse = frame.world_from_camera.inverse();
+        let (rotation, translation) = (inverse.rotation_f32(), inverse.position_f32());
+        let margin = 1.5 * self.surfels.size_m();
+        let mut gone = Vec::new();
+        for &at in suspects {
+            let (mut id, mut previous) = (self.evidence.first_surfel(at), NO_SURFEL);
+            while id != NO_SURFEL {
+                let surfel = *self.surfels.get(id);
+                let next = self.surfels.link(id).next_in_cell;
+                let point = rotation * surfel.position + translation;
+                let verdict =
+                    (surfel.born != epoch).then(|| seen_through(frame, point, margin)).flatten();
+                let lost = verdict.is_some_and(|v| self.surfels.vote(id, v) >= GONE_AFTER && v);
+                if lost {
+                    self.surfels.remove(id);
+                    gone.push(id);
+                    if previous == NO_SURFEL {
+                        self.evidence.set_first_surfel(at, next);
+                    } else {
+                        self.surfels.set_next_in_cell(previous, next);
+                    }
+                } else {
+                    previous = id;
+                }
+                id = next;
+            }
+        }
+        gone
+    }
+
+    /// Makes room: level-0 voxels at and around new surfels, free-space leaves in opened cells,
+    /// a node for each brick.
+    fn allocate(&mut self, touched: &[(u32, Touch)], carved: &Carved, topology: &mut Topology) {
+        let l = self.lattice;
+        let inverse = 1.0 / l.unit_m;
+        let mut wanted: Vec<(Cell, u8)> = Vec::new();
+        let bricks = self.evidence.bricks() as u32;
+        for brick in std::mem::replace(&mut self.bricks_planted, bricks)..bricks {
+            topology.insert(self.evidence.brick_cell(brick).map(|c| c << l.cell), l.brick);
+        }
+        for &(id, touch) in touched {
+            if touch == Touch::New {
+                let cell = cell_of(self.surfels.get(id).position, inverse).map(|c| c >> l.r0);
+                wanted.push((cell, l.r0));
+            }
+        }
+        wanted.sort_unstable();
+        wanted.dedup();
+        let reach = (NEAR_M / l.size_m(l.r0)).ceil().max(1.0) as i32;
+        let mut ring: Vec<Cell> = Vec::new();
+        for &(cell, log2) in &wanted {
+            let Some(node) = topology.insert(cell.map(|c| c << log2), log2) else { continue };
+            if self.ringed.len() <= node as usize {
+                self.ringed.resize(topology.node_slots(), 0);
+            }
+            if std::mem::replace(&mut self.ringed[node as usize], 1) == 0 {
+                push_ring(cell, reach, &mut ring);
+            }
+        }
+        ring.sort_unstable();
+        ring.dedup();
+        for cell in ring {
+            topology.insert(cell.map(|c| c << l.r0), l.r0);
+        }
+        let shift = l.free.saturating_sub(l.cell);
+        let mut free: Vec<Cell> = carved.opened.iter().map(|c| c.map(|c| c >> shift)).collect();
+        free.sort_unstable();
+        free.dedup();
+        let log2 = l.cell + shift;
+        for cell in free {
+            topology.insert(cell.map(|c| c << log2), l.free.min(log2));
+        }
+    }
+
+    /// Offers new and moved surfels to the corners of the voxel around them.
+    fn seed(&mut self, touched: &[(u32, Touch)], topology: &Topology) {
+        let inverse = 1.0 / self.lattice.unit_m;
+        for &(id, touch) in touched {
+            if touch == Touch::Moved {
+                self.prior.moved(id, topology, &self.surfels);
+            }
+            let cell = cell_of(self.surfels.get(id).position, inverse);
+            let Some(node) = topology.finest(cell) else { continue };
+            for &row in topology.corners(node) {
+                if row != NO_ROW {
+                    self.prior.offer(row, id, topology, &self.surfels);
+                }
+            }
+        }
+    }
+
+    /// Vertices in cells that opened may change sign.
+    fn reopen(&mut self, opened: &[Cell], topology: &Topology) {
+        for cell in opened {
+            let low = cell.map(|c| c << self.lattice.cell);
+            let Some(node) = topology.finest(low) else { continue };
+            for &row in topology.corners(node) {
+                if row != NO_ROW {
+                    self.prior.mark(row);
+                }
+            }
+        }
+    }
+}
+
+/// The cells of a ring around `center`, itself left out.
+fn push_ring(center: Cell, reach: i32, ring: &mut Vec<Cell>) {
+    for z in -reach..=reach {
+        for y in -reach..=reach {
+            for x in -reach..=reach {
+                ring.push([center[0] + x, center[1] + y, center[2] + z]);
+            }
+        }
+    }
+}
+
+/// Whether a frame sees through a point (camera axes): all returns around its pixel lie farther
+/// by more than a margin. `None` where the frame says nothing about it.
+fn seen_through(frame: &Frame, point: Vec3, margin: f32) -> Option<bool> {
+    let (u, v) = frame.intrinsics.project(point)?;
+    let (u, v) = (u.round(), v.round());
+    let (width, height) = (frame.intrinsics.width as f32, frame.intrinsics.height as f32);
+    if u < 1.0 || v < 1.0 || u > width - 2.0 || v > height - 2.0 {
+        return None;
+    }
+    let margin = margin.max(0.02 * point.z);
+    let mut nearest = f32::INFINITY;
+    for (du, dv) in [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)] {
+        let z = frame.depth.at((u as i32 + du) as u32, (v as i32 + dv) as u32);
+        if z > 0.0 {
+            nearest = nearest.min(z);
+        }
+    }
+    if nearest == f32::INFINITY || nearest < point.z - margin {
+        return None;
+    }
+    Some(nearest > point.z + margin)
+}

@@ -1,0 +1,16 @@
+//! The observed surface in closed form: fused surfels, the evidence of free space, and the
+//! distance prior that both give to every vertex (algorithms.md §13).
+
+mod evidence;
+mod fusion;
+mod label;
+mod observe;
+mod prior;
+mod split;
+mod surfel;
+
+pub use evidence::{BRICK_CELLS, Carved, CellAddress, Evidence, EvidenceState, Known};
+pub use fusion::{Lattice, NEAR_M, Surface, SurfaceChange, SurfaceState};
+pub use observe::{Observation, observe};
+pub use prior::{PriorChange, PriorField, PriorState};
+pub use surfel::{Link, NO_SURFEL, Surfel, SurfelMap, SurfelState, Touch};

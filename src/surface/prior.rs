@@ -1,0 +1,373 @@
+//! The closed-form prior: every vertex keeps its nearest surfel, passed on from corner to corner
+//! in lower and raise waves (voxblox), and takes distance and gradient from it.
+
+use std::borrow::Cow;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::evidence::Evidence;
+use super::surfel::{NO_SURFEL, SurfelMap};
+use crate::error::{Error, Result};
+use crate::modality::Explicit;
+use crate::octree::{NO_NODE, NO_ROW, NodeSource, Topology};
+
+/// End of a surfel's list of vertices.
+const END: u32 = u32::MAX;
+/// A vertex takes a new nearest surfel only if it is nearer by this share; keeps waves short.
+const GAIN: f32 = 0.999;
+
+/// Nearest surfel, distance and gradient by vertex row.
+#[derive(Debug)]
+pub struct PriorField {
+    max_distance_m: f32,
+    nearest: Vec<u32>,
+    /// Distance to the centre of the nearest surfel, m.
+    reach: Vec<f32>,
+    values: Vec<Explicit>,
+    /// Intrusive lists: the vertices of each surfel.
+    next: Vec<u32>,
+    previous: Vec<u32>,
+    heads: Vec<u32>,
+    work: Work,
+}
+
+/// A stored prior.
+#[derive(Debug)]
+pub struct PriorState<'a> {
+    pub nearest: Cow<'a, [u32]>,
+    pub reach: Cow<'a, [f32]>,
+    pub values: Cow<'a, [Explicit]>,
+    pub next: Cow<'a, [u32]>,
+    pub previous: Cow<'a, [u32]>,
+    pub heads: Cow<'a, [u32]>,
+}
+
+/// What belongs to the update in hand.
+#[derive(Debug, Default)]
+struct Work {
+    queue: std::collections::VecDeque<u32>,
+    queued: Vec<bool>,
+    changed: Vec<u32>,
+    is_changed: Vec<bool>,
+}
+
+/// What an update did to the vertices.
+#[derive(Debug, Default)]
+pub struct PriorChange {
+    /// Rows whose (d, g) changed.
+    pub rows: Vec<u32>,
+    /// Among them, those that moved so far that what was learned there is void.
+    pub voided: Vec<u32>,
+}
+
+/// A row's learned part is void when its prior moves by more than this, m, or changes sign.
+const VOID_M: f32 = 0.005;
+
+impl PriorField {
+    /// An empty field with distances up to `max_distance_m`.
+    pub fn new(max_distance_m: f32) -> Self {
+        Self {
+            max_distance_m,
+            nearest: Vec::new(),
+            reach: Vec::new(),
+            values: Vec::new(),
+            next: Vec::new(),
+            previous: Vec::new(),
+            heads: Vec::new(),
+            work: Work::default(),
+        }
+    }
+
+    /// (d, g) by vertex row.
+    pub fn values(&self) -> &[Explicit] {
+        &self.values
+    }
+
+    /// Nearest surfel by vertex row, or [`NO_SURFEL`].
+    #[inline]
+    pub fn nearest(&self, row: u32) -> u32 {
+        self.nearest[row as usize]
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        (self.nearest.len() * (4 + 4 + 16 + 8 + 2) + self.heads.len() * 4) as u64
+    }
+
+    /// Takes in rows that the topology added; each pulls from its neighbours.
+    pub fn grow(&mut self, topology: &Topology, surfels: &SurfelMap) {
+        let (from, to) = (self.nearest.len(), topology.rows());
+        self.nearest.resize(to, NO_SURFEL);
+        self.reach.resize(to, f32::INFINITY);
+        self.values.resize(to, [self.max_distance_m, 0.0, 0.0, 0.0]);
+        self.next.resize(to, END);
+        self.previous.resize(to, END);
+        self.work.queued.resize(to, false);
+        self.work.is_changed.resize(to, false);
+        for row in from as u32..to as u32 {
+            self.pull(row, topology, surfels);
+            self.mark(row);
+        }
+    }
+
+    /// Everything that [`PriorField::with_state`] needs to go on as if it had not stopped.
+    pub fn state(&self) -> PriorState<'_> {
+        PriorState {
+            nearest: Cow::Borrowed(&self.nearest),
+            reach: Cow::Borrowed(&self.reach),
+            values: Cow::Borrowed(&self.values),
+            next: Cow::Borrowed(&self.next),
+            previous: Cow::Borrowed(&self.previous),
+            heads: Cow::Borrowed(&self.heads),
+        }
+    }
+
+    /// Takes up a stored state of `rows` rows and at most `surfels` surfel slots.
+    pub fn with_state(
+        mut self,
+        state: PriorState<'_>,
+        rows: usize,
+        surfels: usize,
+    ) -> Result<Self> {
+        let lengths = [
+            state.nearest.len(),
+            state.reach.len(),
+            state.values.len(),
+            state.next.len(),
+            state.previous.len(),
+        ];
+        let row_exists = |&r: &u32| r == END || (r as usize) < rows;
+        let surfel_exists = |&s: &u32| s == NO_SURFEL || (s as usize) < state.heads.len();
+        if lengths.iter().any(|&l| l != rows)
+            || state.heads.len() > surfels
+            || !state.nearest.iter().all(surfel_exists)
+            || !state.next.iter().chain(&*state.previous).chain(&*state.heads).all(row_exists)
+        {
+            return Err(Error::corrupt("prior", "columns do not fit together"));
+        }
+        self.nearest = state.nearest.into_owned();
+        self.reach = state.reach.into_owned();
+        self.values = state.values.into_owned();
+        self.next = state.next.into_owned();
+        self.previous = state.previous.into_owned();
+        self.heads = state.heads.into_owned();
+        self.work.queued = vec![false; rows];
+        self.work.is_changed = vec![false; rows];
+        Ok(self)
+    }
+
+    /// Offers a surfel to a row.
+    #[inline]
+    pub fn offer(&mut self, row: u32, surfel: u32, topology: &Topology, surfels: &SurfelMap) {
+        let distance =
+            (topology.positions()[row as usize] - surfels.link(surfel).position).length();
+        if distance < self.reach[row as usize] * GAIN && distance <= self.max_distance_m {
+            self.assign(row, surfel, distance);
+            self.push(row);
+        }
+    }
+
+    /// A surfel moved: its vertices measure again and look for a nearer one.
+    pub fn moved(&mut self, surfel: u32, topology: &Topology, surfels: &SurfelMap) {
+        let mut row = self.head(surfel);
+        while row != END {
+            let after = self.next[row as usize];
+            let position = topology.positions()[row as usize];
+            self.reach[row as usize] = (position - surfels.link(surfel).position).length();
+            self.mark(row);
+            self.pull(row, topology, surfels);
+            row = after;
+        }
+    }
+
+    /// Surfels are gone: their vertices forget them and take what their neighbours have (the
+    /// raise wave). The surfels must be dead already.
+    pub fn removed(&mut self, gone: &[u32], topology: &Topology, surfels: &SurfelMap) {
+        let mut orphans = Vec::new();
+        for &surfel in gone {
+            while self.head(surfel) != END {
+                let row = self.head(surfel);
+                self.unlink(row);
+                self.nearest[row as usize] = NO_SURFEL;
+                self.reach[row as usize] = f32::INFINITY;
+                self.mark(row);
+                orphans.push(row);
+            }
+        }
+        for row in orphans {
+            self.pull(row, topology, surfels);
+        }
+    }
+
+    /// Asks for a row's value to be worked out again (its evidence changed).
+    #[inline]
+    pub fn mark(&mut self, row: u32) {
+        if !self.work.is_changed[row as usize] {
+            self.work.is_changed[row as usize] = true;
+            self.work.changed.push(row);
+        }
+    }
+
+    /// Runs the lower wave to its end.
+    pub fn settle(&mut self, topology: &Topology, surfels: &SurfelMap) {
+        while let Some(row) = self.work.queue.pop_front() {
+            self.work.queued[row as usize] = false;
+            let surfel = self.nearest[row as usize];
+            if surfel == NO_SURFEL {
+                continue;
+            }
+            let center = surfels.link(surfel).position;
+            for &node in topology.incident(row) {
+                if node == NO_NODE {
+                    continue;
+                }
+                for &other in topology.corners(node) {
+                    if self.nearest[other as usize] == surfel {
+                        continue;
+                    }
+                    let distance = (topology.positions()[other as usize] - center).length();
+                    if distance < self.reach[other as usize] * GAIN
+                        && distance <= self.max_distance_m
+                    {
+                        self.assign(other, surfel, distance);
+                        self.push(other);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Works out the values of all marked rows.
+    pub fn evaluate(
+        &mut self,
+        topology: &Topology,
+        surfels: &SurfelMap,
+        evidence: &Evidence,
+        pool: &rayon::ThreadPool,
+    ) -> PriorChange {
+        let rows = std::mem::take(&mut self.work.changed);
+        let measure = |&row: &u32| {
+            let position = topology.positions()[row as usize];
+            self.measure(position, self.nearest[row as usize], surfels, evidence)
+        };
+        let values: Vec<Explicit> =
+            pool.install(|| rows.par_iter().with_min_len(512).map(measure).collect());
+        let mut change = PriorChange::default();
+        for (&row, &value) in rows.iter().zip(&values) {
+            self.work.is_changed[row as usize] = false;
+            let old = std::mem::replace(&mut self.values[row as usize], value);
+            if old != value {
+                change.rows.push(row);
+                if (old[0] - value[0]).abs() > VOID_M || (old[0] < 0.0) != (value[0] < 0.0) {
+                    change.voided.push(row);
+                }
+            }
+        }
+        change
+    }
+
+    /// Distance and gradient at a place whose nearest surfel is given.
+    ///
+    /// Near the surface the sign is the surfel's; farther away, a cell that was crossed since the
+    /// surfel was born is outside whatever the nearest surfel says (algorithms.md §13).
+    pub fn measure(
+        &self,
+        position: Vec3,
+        surfel: u32,
+        surfels: &SurfelMap,
+        evidence: &Evidence,
+    ) -> Explicit {
+        if surfel == NO_SURFEL {
+            return [self.max_distance_m, 0.0, 0.0, 0.0];
+        }
+        let surfel = surfels.get(surfel);
+        let (mut d, mut g) = surfel.signed_distance(position, surfels.radius_m());
+        if d < -1.8 * evidence.cell_m()
+            && evidence.free_since(position).is_some_and(|epoch| epoch >= surfel.born)
+        {
+            (d, g) = (-d, -g);
+        }
+        [d, g.x, g.y, g.z]
+    }
+
+    fn pull(&mut self, row: u32, topology: &Topology, surfels: &SurfelMap) {
+        let position = topology.positions()[row as usize];
+        let (mut best, mut reach) = (NO_SURFEL, self.reach[row as usize] * GAIN);
+        let mut last = self.nearest[row as usize];
+        for &node in topology.incident(row) {
+            if node == NO_NODE {
+                continue;
+            }
+            for &other in topology.corners(node) {
+                if other == NO_ROW || other as usize >= self.nearest.len() {
+                    continue;
+                }
+                let candidate = self.nearest[other as usize];
+                if candidate == NO_SURFEL || candidate == last {
+                    continue;
+                }
+                last = candidate;
+                let distance = (position - surfels.link(candidate).position).length();
+                if distance < reach && distance <= self.max_distance_m {
+                    (best, reach) = (candidate, distance);
+                }
+            }
+        }
+        if best != NO_SURFEL {
+            self.assign(row, best, reach);
+            self.push(row);
+        } else if self.nearest[row as usize] != NO_SURFEL {
+            self.push(row);
+        }
+    }
+
+    fn push(&mut self, row: u32) {
+        if !self.work.queued[row as usize] {
+            self.work.queued[row as usize] = true;
+            self.work.queue.push_back(row);
+        }
+    }
+
+    fn assign(&mut self, row: u32, surfel: u32, distance: f32) {
+        if self.nearest[row as usize] != surfel {
+            self.unlink(row);
+            self.nearest[row as usize] = surfel;
+            self.link(row, surfel);
+        }
+        self.reach[row as usize] = distance;
+        self.mark(row);
+    }
+
+    fn head(&self, surfel: u32) -> u32 {
+        self.heads.get(surfel as usize).copied().unwrap_or(END)
+    }
+
+    fn link(&mut self, row: u32, surfel: u32) {
+        if self.heads.len() <= surfel as usize {
+            self.heads.resize(surfel as usize + 1, END);
+        }
+        let head = std::mem::replace(&mut self.heads[surfel as usize], row);
+        self.next[row as usize] = head;
+        self.previous[row as usize] = END;
+        if head != END {
+            self.previous[head as usize] = row;
+        }
+    }
+
+    fn unlink(&mut self, row: u32) {
+        let surfel = self.nearest[row as usize];
+        if surfel == NO_SURFEL {
+            return;
+        }
+        let (next, previous) = (self.next[row as usize], self.previous[row as usize]);
+        if previous == END {
+            self.heads[surfel as usize] = next;
+        } else {
+            self.next[previous as usize] = next;
+        }
+        if next != END {
+            self.previous[next as usize] = previous;
+        }
+    }
+}

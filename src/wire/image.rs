@@ -1,0 +1,130 @@
+//! The image payloads of `ingest.proto`: raw, PNG and JPEG bytes to pixels, within limits.
+
+use std::io::Cursor;
+
+use image::{DynamicImage, ImageDecoder};
+
+use super::{MAX_PIXELS, v1};
+use crate::error::{Error, Result};
+use crate::frame::{ColorImage, DepthImage, MAX_SIDE};
+use crate::geometry::Intrinsics;
+
+/// Integer depth must have at least this many units in a metre, and at most the other.
+const UNITS_PER_METRE: std::ops::RangeInclusive<f32> = 1.0..=1e6;
+
+/// Refuses sizes that must not be allocated for; everything below trusts `k.pixels()`.
+pub(super) fn check_size(k: &Intrinsics) -> Result<()> {
+    let sides = 1..=MAX_SIDE;
+    if !sides.contains(&k.width) || !sides.contains(&k.height) || k.pixels() > MAX_PIXELS {
+        return Err(Error::invalid(
+            "intrinsics.width/height",
+            format!(
+                "{}x{} must be within 1..={MAX_SIDE} each and {MAX_PIXELS} pixels in all",
+                k.width, k.height
+            ),
+        ));
+    }
+    Ok(())
+}
+
+pub(super) fn depth_from_wire(depth: v1::DepthImage, k: &Intrinsics) -> Result<DepthImage> {
+    use v1::DepthEncoding as Encoding;
+    let encoding = Encoding::try_from(depth.encoding).unwrap_or(Encoding::Unspecified);
+    let units = depth.units_per_metre;
+    let whole = matches!(encoding, Encoding::U16 | Encoding::Png16);
+    if whole && !UNITS_PER_METRE.contains(&units) {
+        return Err(Error::invalid(
+            "depth.units_per_metre",
+            format!("{units} must be within 1..=1000000 (1000 for millimetres)"),
+        ));
+    }
+    match encoding {
+        Encoding::Unspecified => Err(Error::invalid(
+            "depth.encoding",
+            format!("{} is none of U16, F32_METRES, PNG16", depth.encoding),
+        )),
+        Encoding::U16 => {
+            check_len("depth.data", depth.data.len(), k, "u16", 2)?;
+            let raw: Vec<u16> =
+                depth.data.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect();
+            Ok(DepthImage::from_u16(k.width, k.height, &raw, units))
+        }
+        Encoding::F32Metres => {
+            if units != 0.0 && units != 1.0 {
+                return Err(Error::invalid(
+                    "depth.units_per_metre",
+                    format!("{units} must be 0 or 1: F32_METRES is in metres"),
+                ));
+            }
+            check_len("depth.data", depth.data.len(), k, "f32", 4)?;
+            let metres = depth
+                .data
+                .chunks_exact(4)
+                .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+                .collect();
+            Ok(DepthImage::from_metres(k.width, k.height, metres))
+        }
+        Encoding::Png16 => match decode("depth.data", &depth.data, image::ImageFormat::Png, k)? {
+            DynamicImage::ImageLuma16(grey) => {
+                Ok(DepthImage::from_u16(k.width, k.height, grey.as_raw(), units))
+            }
+            other => Err(Error::invalid(
+                "depth.data",
+                format!("PNG16 must be 16-bit grey, is {:?}", other.color()),
+            )),
+        },
+    }
+}
+
+pub(super) fn color_from_wire(color: v1::ColorImage, k: &Intrinsics) -> Result<ColorImage> {
+    use v1::ColorEncoding as Encoding;
+    let encoding = Encoding::try_from(color.encoding).unwrap_or(Encoding::Unspecified);
+    let format = match encoding {
+        Encoding::Unspecified => {
+            return Err(Error::invalid(
+                "color.encoding",
+                format!("{} is none of RGB8, JPEG, PNG", color.encoding),
+            ));
+        }
+        Encoding::Rgb8 => {
+            check_len("color.data", color.data.len(), k, "rgb8", 3)?;
+            return Ok(ColorImage { width: k.width, height: k.height, rgb: color.data });
+        }
+        Encoding::Jpeg => image::ImageFormat::Jpeg,
+        Encoding::Png => image::ImageFormat::Png,
+    };
+    let rgb = decode("color.data", &color.data, format, k)?.into_rgb8().into_raw();
+    Ok(ColorImage { width: k.width, height: k.height, rgb })
+}
+
+fn check_len(field: &str, len: usize, k: &Intrinsics, kind: &str, bytes: usize) -> Result<()> {
+    let needed = k.pixels() * bytes;
+    if len != needed {
+        return Err(Error::invalid(
+            field,
+            format!("{len} bytes, but {}x{} {kind} needs {needed}", k.width, k.height),
+        ));
+    }
+    Ok(())
+}
+
+/// Decodes a compressed image whose header must say the size of the camera, so that a small message
+/// cannot ask for much memory.
+fn decode(
+    field: &str,
+    data: &[u8],
+    format: image::ImageFormat,
+    k: &Intrinsics,
+) -> Result<DynamicImage> {
+    let wrong = |e: image::ImageError| Error::invalid(field, format!("{format:?}: {e}"));
+    let decoder =
+        image::ImageReader::with_format(Cursor::new(data), format).into_decoder().map_err(wrong)?;
+    let (width, height) = decoder.dimensions();
+    if (width, height) != (k.width, k.height) {
+        return Err(Error::invalid(
+            field,
+            format!("is {width}x{height}, but intrinsics say {}x{}", k.width, k.height),
+        ));
+    }
+    DynamicImage::from_decoder(decoder).map_err(wrong)
+}

@@ -1,0 +1,129 @@
+//! `maps.proto`: lists of maps and their counters.
+
+use std::time::Duration;
+
+use super::geometry::{aabb_from_wire, aabb_to_wire, required};
+use super::v1;
+use crate::engine::Reason;
+use crate::error::Result;
+use crate::map::MapStats;
+use crate::service::{FrameCounts, MapReport, MapSummary};
+
+/// The message of a list.
+pub fn map_list_to_wire(maps: Vec<MapSummary>, spent: Duration) -> v1::ListMapsReply {
+    v1::ListMapsReply {
+        maps: maps.into_iter().map(summary_to_wire).collect(),
+        server_us: spent.as_micros() as u64,
+    }
+}
+
+/// The list of a message.
+pub fn map_list_from_wire(message: v1::ListMapsReply) -> Vec<MapSummary> {
+    message.maps.into_iter().map(summary_from_wire).collect()
+}
+
+/// The message of one map's counters.
+pub fn map_stats_to_wire(report: MapReport, spent: Duration) -> v1::GetMapStatsReply {
+    let MapReport { summary, stats, counts, resident_bytes } = report;
+    v1::GetMapStatsReply {
+        epoch: summary.epoch,
+        newest_stamp_ns: summary.newest_stamp_ns,
+        map: Some(summary_to_wire(summary)),
+        frames: stats.frames,
+        frames_empty: stats.frames_empty,
+        steps: stats.steps,
+        voxels: stats.voxels,
+        rows: stats.rows,
+        surfels: stats.surfels,
+        key_frames: stats.key_frames,
+        map_bytes: stats.map_bytes,
+        voxels_refused: stats.voxels_refused,
+        losses: values_to_wire(stats.losses),
+        stages_ms: values_to_wire(stats.stages_ms),
+        counts: Some(v1::FrameCounts {
+            received: counts.received,
+            integrated: counts.integrated,
+            dropped: reasons_to_wire(&counts.dropped),
+            rejected: reasons_to_wire(&counts.rejected),
+            waiting: counts.waiting,
+        }),
+        resident_bytes,
+        server_us: spent.as_micros() as u64,
+    }
+}
+
+/// The counters of a message.
+pub fn map_stats_from_wire(message: v1::GetMapStatsReply) -> Result<MapReport> {
+    let counts = required("counts", message.counts)?;
+    Ok(MapReport {
+        summary: summary_from_wire(required("map", message.map)?),
+        stats: MapStats {
+            epoch: message.epoch,
+            frames: message.frames,
+            frames_empty: message.frames_empty,
+            steps: message.steps,
+            voxels: message.voxels,
+            rows: message.rows,
+            surfels: message.surfels,
+            key_frames: message.key_frames,
+            map_bytes: message.map_bytes,
+            voxels_refused: message.voxels_refused,
+            losses: values_from_wire(message.losses),
+            stages_ms: values_from_wire(message.stages_ms),
+        },
+        counts: FrameCounts {
+            received: counts.received,
+            integrated: counts.integrated,
+            dropped: reasons_from_wire(&counts.dropped),
+            rejected: reasons_from_wire(&counts.rejected),
+            waiting: counts.waiting,
+        },
+        resident_bytes: message.resident_bytes,
+    })
+}
+
+fn summary_to_wire(map: MapSummary) -> v1::MapSummary {
+    v1::MapSummary {
+        map_id: map.map_id,
+        epoch: map.epoch,
+        newest_stamp_ns: map.newest_stamp_ns,
+        bounds: aabb_to_wire(&map.bounds),
+        modalities: map.modalities,
+    }
+}
+
+fn summary_from_wire(message: v1::MapSummary) -> MapSummary {
+    MapSummary {
+        map_id: message.map_id,
+        epoch: message.epoch,
+        newest_stamp_ns: message.newest_stamp_ns,
+        bounds: aabb_from_wire(message.bounds),
+        modalities: message.modalities,
+    }
+}
+
+fn values_to_wire(values: Vec<(String, f32)>) -> Vec<v1::NamedValue> {
+    let named = |(name, value)| v1::NamedValue { name, value: f64::from(value) };
+    values.into_iter().map(named).collect()
+}
+
+fn values_from_wire(values: Vec<v1::NamedValue>) -> Vec<(String, f32)> {
+    values.into_iter().map(|v| (v.name, v.value as f32)).collect()
+}
+
+fn reasons_to_wire(counts: &[(Reason, u64)]) -> Vec<v1::NamedCount> {
+    let named = |(reason, count): &(Reason, u64)| v1::NamedCount {
+        name: reason.name().into(),
+        count: *count,
+    };
+    counts.iter().map(named).collect()
+}
+
+/// Reasons that a newer server knows and we do not are left out.
+fn reasons_from_wire(counts: &[v1::NamedCount]) -> Vec<(Reason, u64)> {
+    let known = |c: &v1::NamedCount| {
+        let reason = Reason::ALL.into_iter().find(|r| r.name() == c.name)?;
+        Some((reason, c.count))
+    };
+    counts.iter().filter_map(known).collect()
+}

@@ -1,0 +1,36 @@
+//! Protobuf messages to core types and back, one file a proto file.
+//!
+//! Conversions are `TryFrom` where the message may be wrong, with errors that name the field as
+//! the message spells it, and plain functions where nothing can go wrong. Messages never travel
+//! below this room.
+
+mod geometry;
+mod image;
+mod ingest;
+mod maps;
+mod query;
+mod status;
+
+pub use ingest::{FrameSummary, IncomingFrame, ack_to_wire, frame_to_wire};
+pub use maps::{map_list_from_wire, map_list_to_wire, map_stats_from_wire, map_stats_to_wire};
+pub use query::{PointsQuestion, points_question_to_wire, points_reply_to_wire};
+pub use status::{error_from_status, status_from_error};
+
+/// The largest message that is read or written, bytes. A raw 720p depth and color pair takes 4.6 MB,
+/// a million points with every column 21 MB.
+pub const MAX_MESSAGE_BYTES: usize = 64 << 20;
+
+/// The largest image that is decoded, pixels: a compressed message must not grow without bound.
+pub const MAX_PIXELS: usize = 16 << 20;
+
+/// The generated messages and services of `orenx.v1`.
+#[allow(
+    clippy::all,
+    clippy::allow_attributes_without_reason,
+    clippy::too_many_lines,
+    unused_qualifications,
+    reason = "generated code"
+)]
+pub mod v1 {
+    tonic::include_proto!("orenx.v1");
+}

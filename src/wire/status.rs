@@ -1,0 +1,40 @@
+//! The one table between our outcomes and gRPC codes.
+
+use tonic::Code;
+
+use crate::error::{Error, Status};
+
+/// A gRPC status with the error's own words.
+pub fn status_from_error(error: &Error) -> tonic::Status {
+    let code = match error.status() {
+        Status::InvalidArgument => Code::InvalidArgument,
+        Status::NotFound => Code::NotFound,
+        Status::ResourceExhausted => Code::ResourceExhausted,
+        Status::FailedPrecondition => Code::FailedPrecondition,
+        Status::Unavailable => Code::Unavailable,
+        Status::DataLoss => Code::DataLoss,
+        Status::Internal => Code::Internal,
+    };
+    tonic::Status::new(code, error.to_string())
+}
+
+/// The error of a gRPC status: what a client's caller sees.
+pub fn error_from_status(status: &tonic::Status) -> Error {
+    let message = status.message();
+    match status.code() {
+        Code::InvalidArgument | Code::OutOfRange => {
+            let (field, problem) = message.split_once(": ").unwrap_or(("request", message));
+            Error::invalid(field, problem)
+        }
+        Code::NotFound => Error::NotFound {
+            what: message.strip_suffix(" not found").unwrap_or(message).to_owned(),
+        },
+        Code::ResourceExhausted => {
+            let (what, limit) = message.split_once(": ").unwrap_or(("server", message));
+            Error::ResourceExhausted { what: what.into(), limit: limit.into() }
+        }
+        Code::FailedPrecondition => Error::FailedPrecondition(message.into()),
+        Code::Unavailable => Error::Unavailable(format!("the server is unavailable: {message}")),
+        code => Error::Internal(format!("the server answered {code:?}: {message}")),
+    }
+}

@@ -1,0 +1,11 @@
+//! The one integration-test binary: one line a module, with what it is for.
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    clippy::print_stderr,
+    reason = "a test reports by panicking, and says on stderr what it skips"
+)]
+
+mod house; // the rules of the house held against its files: floors, names, sizes
+mod support; // where recorded data is, and what a test without it says
