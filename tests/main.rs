@@ -8,4 +8,6 @@
 )]
 
 mod house; // the rules of the house held against its files: floors, names, sizes
+mod map_command; // what `orenx map` says to bad input
+mod recordings; // real recordings through the readers
 mod support; // where recorded data is, and what a test without it says

@@ -1,12 +1,14 @@
 //! `orenx eval`: a map judged against a truth folder.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
 
-use super::open::{open_view, write_whole};
+use super::open::open_view;
 use crate::eval::{Truth, evaluate};
 use crate::map::{default_resolution_m, extract_mesh, query_pool};
+use crate::storage::write_file;
 
 /// Judge a map against a folder with known truth and print the geometry table
 #[derive(Debug, Args)]
@@ -30,9 +32,9 @@ impl EvalArgs {
         let resolution_m = default_resolution_m(view.config().r0_m);
         let mesh = || extract_mesh(&query, &view.surface_leaves(), resolution_m, &pool);
         let report = evaluate(&truth, &query, mesh, &pool)?;
-        print!("{report}");
+        write!(std::io::stdout(), "{report}")?;
         if let Some(path) = &self.report {
-            write_whole(path, |out| Ok(serde_json::to_writer_pretty(out, &report)?))?;
+            write_file(path, |out| Ok(serde_json::to_writer_pretty(out, &report)?))?;
         }
         Ok(())
     }

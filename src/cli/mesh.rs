@@ -1,12 +1,14 @@
 //! `orenx mesh`: the surface as a triangle mesh.
 
+use std::io::Write;
 use std::path::PathBuf;
 
 use clap::Args;
 
-use super::open::{open_view, write_whole};
+use super::open::open_view;
 use crate::error::Error;
 use crate::map::{default_resolution_m, extract_mesh, query_pool};
+use crate::storage::write_file;
 
 /// Write the surface of a map as a triangle mesh (PLY, metres)
 #[derive(Debug, Args)]
@@ -32,9 +34,10 @@ impl MeshArgs {
             let map = self.map.display();
             return Err(Error::FailedPrecondition(format!("{map} holds no surface")).into());
         }
-        write_whole(&self.out, |out| mesh.write_ply(out))?;
+        write_file(&self.out, |out| mesh.write_ply(out))?;
         let (vertices, triangles) = (mesh.vertices.len(), mesh.triangles.len());
-        println!("{}: {vertices} vertices, {triangles} triangles", self.out.display());
+        let out = self.out.display();
+        writeln!(std::io::stdout(), "{out}: {vertices} vertices, {triangles} triangles")?;
         Ok(())
     }
 }

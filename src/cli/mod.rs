@@ -1,7 +1,98 @@
-//! The command line: one file a subcommand.
+//! The command line, one file a subcommand.
+//!
+//! Exit codes: 0 done; 2 bad arguments or input; 1 anything else. A failure's message goes to
+//! stderr, in one line.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is the part that prints")]
 
 pub mod eval;
+pub mod map;
 pub mod mesh;
 mod open;
 pub mod query;
 pub mod slice;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use crate::error::Error;
+
+#[derive(Debug, Parser)]
+#[command(name = "orenx", version, about, arg_required_else_help = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Map(map::MapArgs),
+    Eval(eval::EvalArgs),
+    Query(query::QueryArgs),
+    Mesh(mesh::MeshArgs),
+}
+
+/// Parses the process's arguments and runs the subcommand. Wrong arguments end the process with
+/// code 2, as clap does.
+pub fn run() -> ExitCode {
+    let result = match Arguments::parse().command {
+        Command::Map(arguments) => arguments.run(),
+        Command::Eval(arguments) => arguments.run(),
+        Command::Query(arguments) => arguments.run(),
+        Command::Mesh(arguments) => arguments.run(),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {}", one_line(&error));
+            ExitCode::from(exit_code(&error))
+        }
+    }
+}
+
+/// The code of the first of our own errors in the chain; anything else is 1.
+fn exit_code(error: &anyhow::Error) -> u8 {
+    error.chain().find_map(|cause| cause.downcast_ref::<Error>()).map_or(1, Error::exit_code)
+}
+
+/// The message and its causes, less those that the message before them already tells.
+fn one_line(error: &anyhow::Error) -> String {
+    let mut line = String::new();
+    for cause in error.chain() {
+        let text = cause.to_string().replace('\n', " ");
+        if line.is_empty() {
+            line = text;
+        } else if !line.contains(&text) {
+            line = format!("{line}: {text}");
+        }
+    }
+    line
+}
+
+#[cfg(test)]
+mod tests {
+    use anyhow::Context;
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn codes_and_messages_come_from_the_innermost_error_of_ours() {
+        let missing = std::io::Error::from(std::io::ErrorKind::NotFound);
+        let missing: anyhow::Error = Error::io("a.png", missing).into();
+        assert_eq!(exit_code(&missing), 2);
+        assert_eq!(one_line(&missing), "a.png: entity not found");
+        let wrapped = Err::<(), _>(Error::invalid("stride", "must be\nat least 1"))
+            .context("cannot map")
+            .expect_err("an error");
+        assert_eq!(exit_code(&wrapped), 2);
+        assert_eq!(one_line(&wrapped), "cannot map: stride: must be at least 1");
+        assert_eq!(exit_code(&anyhow::anyhow!("other")), 1);
+        assert_eq!(exit_code(&Error::Internal("broken".into()).into()), 1);
+    }
+}

@@ -9,10 +9,11 @@ use clap::Args;
 use glam::Vec3;
 use rayon::ThreadPool;
 
-use super::open::{folder_of, is_url, open_view, write_whole};
+use super::open::{folder_of, is_url, open_view};
 use crate::error::{Error, Result};
 use crate::map::{Fields, MapView, PointAnswers, State, query_parallel, query_pool};
 use crate::numpy::{ArchiveWriter, ArrayReader, Element, write_values};
+use crate::storage::write_file;
 
 /// Points in memory at a time, whatever the size of the file.
 const PIECE_POINTS: usize = 1 << 17;
@@ -48,7 +49,7 @@ impl QueryArgs {
             _ => {
                 let answers = source.answer(&self.points)?;
                 for (i, point) in self.points.iter().enumerate() {
-                    println!("{}", describe(*point, &answers, i));
+                    writeln!(std::io::stdout(), "{}", describe(*point, &answers, i))?;
                 }
             }
         }
@@ -118,7 +119,7 @@ fn answer_file(source: &Source, points: &Path, out: &Path) -> Result<()> {
     let file = File::open(points).map_err(|e| Error::io(points, e))?;
     let reader = ArrayReader::new(BufReader::new(file), points.display().to_string())?;
     let columns = Columns::answer(reader, folder_of(out), |points| source.answer(points))?;
-    write_whole(out, |file| columns.write(file))
+    write_file(out, |file| columns.write(file))
 }
 
 /// Answers on disk, column by column, because an archive holds one array after the other and a

@@ -29,7 +29,7 @@ struct Node {
 impl ClosestTriangle {
     /// Builds the hierarchy. Triangles without area are left out: their neighbours hold the same
     /// points.
-    pub fn new(mesh: &TriangleMesh) -> Self {
+    pub(super) fn new(mesh: &TriangleMesh) -> Self {
         let mut triangles: Vec<[Vec3; 3]> = (0..mesh.triangles.len())
             .map(|i| mesh.corners(i))
             .filter(|[a, b, c]| (b - a).cross(c - a).length_squared() > 0.0)
@@ -42,7 +42,7 @@ impl ClosestTriangle {
     }
 
     /// The distance from `point` to the mesh, m; infinite for an empty mesh.
-    pub fn distance(&self, point: Vec3) -> f32 {
+    pub(super) fn distance(&self, point: Vec3) -> f32 {
         let mut best = f32::INFINITY;
         // Depth is log2(triangles / 4) + 1 by the median split; each level leaves one entry.
         let mut stack: Vec<(f32, u32)> = Vec::with_capacity(64);

@@ -5,10 +5,12 @@ mod mesh;
 mod pages;
 mod parallel;
 mod query;
+mod slice;
 mod view;
 
 pub use mapper::{FrameOutcome, MapStats, Mapper};
 pub use mesh::{TriangleMesh, default_resolution_m, extract_mesh};
 pub use parallel::{CHUNK_POINTS, PointQuery, query_parallel, query_pool};
 pub use query::{Fields, PointAnswers, State};
+pub use slice::{Plane, Slice, draw_slice, slice};
 pub use view::MapView;

@@ -18,8 +18,8 @@ pub(crate) mod test_tree;
 
 use decoder::Decoder;
 
-/// Explicit part of an SDF row: distance d at the vertex, m, and its gradient g.
-pub type Explicit = [f32; 4];
+pub use crate::octree::Explicit;
+
 /// Numbers of a residual feature.
 pub const SDF_FEATURES: usize = 16;
 /// Numbers of an occupancy feature.

@@ -423,12 +423,11 @@ mod tests {
         let mut tree = tree();
         let a = tree.insert([0, 0, 0], 0).expect("fits");
         let b = tree.insert([1, 0, 0], 0).expect("fits");
-        let rows = |n| *tree.corners(n);
-        assert_eq!(rows(a)[1], rows(b)[0]);
-        assert_eq!(rows(a)[7], rows(b)[6]);
+        assert_eq!(tree.corners(a)[1], tree.corners(b)[0]);
+        assert_eq!(tree.corners(a)[7], tree.corners(b)[6]);
         // The coarse parent shares its low corner with the first child.
         let parent = tree.insert([0, 0, 0], 1).expect("exists");
-        assert_eq!(rows(parent)[0], rows(a)[0]);
+        assert_eq!(tree.corners(parent)[0], tree.corners(a)[0]);
     }
 
     #[test]

@@ -11,7 +11,7 @@ const MAX_LEFTOVERS: u32 = 16;
 
 /// Writes `path` by way of a temporary file beside it, which takes its name once its bytes are on
 /// the disk. Readers see the old file or the new one; after a crash or an error the old one stands.
-pub(super) fn write_file(
+pub fn write_file(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
 ) -> Result<()> {

@@ -8,4 +8,5 @@ mod sections;
 #[cfg(test)]
 mod tests;
 
+pub use atomic::write_file;
 pub use sections::{Sections, Tag};

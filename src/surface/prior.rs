@@ -9,8 +9,7 @@ use rayon::prelude::*;
 use super::evidence::Evidence;
 use super::surfel::{NO_SURFEL, SurfelMap};
 use crate::error::{Error, Result};
-use crate::modality::Explicit;
-use crate::octree::{NO_NODE, NO_ROW, NodeSource, Topology};
+use crate::octree::{Explicit, NO_NODE, NO_ROW, NodeSource, Topology};
 
 /// End of a surfel's list of vertices.
 const END: u32 = u32::MAX;

@@ -74,7 +74,7 @@ fn sample_ray(
     let words = pcg4d([plan.seed, plan.step, ray, 0]);
     let more = pcg4d([plan.seed, plan.step, ray, 1]);
     let last = pcg4d([plan.seed, plan.step, ray, 2]);
-    let index = (u64::from(words[0]) * frame.pixels.len() as u64 >> 32) as usize;
+    let index = ((u64::from(words[0]) * frame.pixels.len() as u64) >> 32) as usize;
     let pixel = frame.pixels[index];
     let direction = frame.direction(pixel);
     let at = |z: f32| frame.origin + direction * z;

@@ -27,12 +27,12 @@ pub(super) type Loop = Vec<u8>;
 pub(super) struct CaseTable(Vec<Vec<Loop>>);
 
 impl CaseTable {
-    pub fn new() -> Self {
+    pub(super) fn new() -> Self {
         Self((0..=255).map(loops).collect())
     }
 
     /// The loops of `pattern`.
-    pub fn loops(&self, pattern: u8) -> &[Loop] {
+    pub(super) fn loops(&self, pattern: u8) -> &[Loop] {
         &self.0[usize::from(pattern)]
     }
 }
@@ -74,7 +74,7 @@ fn successors(pattern: u8) -> [Option<u8>; 12] {
             let face = face_corners(axis, side);
             for i in 0..4 {
                 let (from, to) = (face[i], face[(i + 1) % 4]);
-                if !(negative(from) && !negative(to)) {
+                if !negative(from) || negative(to) {
                     continue;
                 }
                 // Here the walk leaves the negative side; it comes back behind the positive run.

@@ -322,7 +322,7 @@ fn complete_normals(mesh: &mut TriangleMesh) {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::HashMap;
+    use std::collections::BTreeMap;
 
     use super::*;
     use crate::map::parallel::query_pool;
@@ -368,8 +368,8 @@ mod tests {
     }
 
     /// Triangles at each directed edge.
-    fn directed_edges(mesh: &TriangleMesh) -> HashMap<(u32, u32), u32> {
-        let mut edges = HashMap::new();
+    fn directed_edges(mesh: &TriangleMesh) -> BTreeMap<(u32, u32), u32> {
+        let mut edges = BTreeMap::new();
         for &[a, b, c] in &mesh.triangles {
             for edge in [(a, b), (b, c), (c, a)] {
                 *edges.entry(edge).or_default() += 1;
@@ -409,13 +409,13 @@ mod tests {
             assert!(normal.dot((vertex - centre).normalize()) > 0.999);
         }
         let errors = mesh.vertices.iter().map(|v| (v.distance(centre) - 0.7).abs());
-        let exact = errors.filter(|&e| e < 2e-6).count();
+        let exact = errors.filter(|&e| e < 5e-5).count();
         assert!(exact * 20 > mesh.vertices.len() * 19, "{exact} of {}", mesh.vertices.len());
         // Between vertices a chord of 5 cm sinks by h²/8r.
         for i in 0..mesh.triangles.len() {
             let [a, b, c] = mesh.corners(i);
             let sag = 0.7 - ((a + b + c) / 3.0).distance(centre);
-            assert!((-1e-4..0.0015).contains(&sag), "{sag}");
+            assert!((-MARGIN * 0.05..0.0015).contains(&sag), "{sag}");
         }
         // Euler's formula: V − E + F = 2.
         let edges = directed_edges(&mesh).len() / 2;
