@@ -52,7 +52,7 @@ impl QueryArgs {
             _ => {
                 let answers = source.answer(&self.points)?;
                 for (i, point) in self.points.iter().enumerate() {
-                    writeln!(std::io::stdout(), "{}", describe(*point, &answers, i))?;
+                    println!("{}", describe(*point, &answers, i));
                 }
             }
         }

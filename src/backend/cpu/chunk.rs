@@ -7,13 +7,14 @@
 use super::interpolate::{Evaluation, FEATURES, Gather, Scatter, Voxel};
 use super::plan::{Plan, Site, near_surface};
 use super::table::IndexTable;
-use crate::backend::{Batch, Host, LearnedRow, Losses, SampleKind, StepParameters};
+use crate::backend::{Host, LearnedRow, Losses, StepParameters};
 use crate::geometry::simd::{InstructionSet, LINE, Lines};
 use crate::modality::decoder::{Activations, Gradient, POINTS_MULTIPLE};
 use crate::modality::interpolation::{ExplicitCorners, Place, by_column};
 use crate::modality::losses::{STENCIL_M, Stencil, absolute, consistency, cross_entropy};
 use crate::modality::{Decoders, occupancy, sdf};
 use crate::octree::{Found, Lookup, NodeSource};
+use crate::train::{Batch, SampleKind};
 use glam::Vec3;
 
 /// Samples of one chunk.
