@@ -36,3 +36,7 @@ pub mod surface;
 pub mod telemetry;
 pub mod train;
 pub mod wire;
+
+// Unit tests and benchmarks share `tests/support/tree.rs`, which names the library from outside.
+#[cfg(test)]
+extern crate self as orenx;

@@ -2,8 +2,10 @@
 
 mod aabb;
 mod camera;
+pub(crate) mod matmul;
 mod pose;
 pub mod random;
+pub mod simd;
 
 pub use aabb::Aabb;
 pub use camera::Intrinsics;

@@ -41,46 +41,158 @@ pub struct Located {
     pub size_m: f32,
 }
 
+/// The finest voxel with rows that contains a point: the short form of [`Located`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Found {
+    pub node: u32,
+    /// log2 of the edge length in lattice units.
+    pub log2_size: u8,
+}
+
+impl Found {
+    /// No voxel: outside the root, not a number, or no ancestor carries rows.
+    pub const NONE: Self = Self { node: u32::MAX, log2_size: 0 };
+
+    /// Whether there is a voxel.
+    #[inline]
+    pub fn is_some(self) -> bool {
+        self.node != u32::MAX
+    }
+}
+
+/// Points that descend side by side, so that their memory accesses overlap.
+const SIDE_BY_SIDE: usize = 8;
+
+/// Descents in one tree.
+pub struct Lookup<'a, S: ?Sized> {
+    source: &'a S,
+    root: Root,
+    unit_m: f32,
+}
+
+impl<'a, S: NodeSource + ?Sized> Lookup<'a, S> {
+    /// `None` for an empty tree.
+    pub fn new(source: &'a S) -> Option<Self> {
+        Some(Self { source, root: source.root()?, unit_m: source.unit_m() })
+    }
+
+    /// The finest allocated voxel that contains `point` (world metres) and carries rows.
+    pub fn find(&self, point: Vec3) -> Found {
+        let mut cell = [Found::NONE];
+        self.find_many(&[point], &mut cell);
+        cell[0]
+    }
+
+    /// [`Self::find`] for many points; `cells` is as long as `points`.
+    pub fn find_many(&self, points: &[Vec3], cells: &mut [Found]) {
+        for (points, cells) in points.chunks(SIDE_BY_SIDE).zip(cells.chunks_mut(SIDE_BY_SIDE)) {
+            self.find_side_by_side(points, cells);
+        }
+    }
+
+    fn find_side_by_side(&self, points: &[Vec3], cells: &mut [Found]) {
+        let mut offsets = [[0u32; 3]; SIDE_BY_SIDE];
+        // Bit i: point i still descends.
+        let mut live = 0u32;
+        for (i, (point, cell)) in points.iter().zip(cells.iter_mut()).enumerate() {
+            *cell = Found::NONE;
+            if let Some(offset) = self.offset(*point) {
+                offsets[i] = offset;
+                *cell = Found { node: self.root.node, log2_size: self.root.log2_size };
+                live |= 1 << i;
+            }
+        }
+        let inside = live;
+        for bit in (0..u32::from(self.root.log2_size)).rev() {
+            let mut waiting = live;
+            while waiting != 0 {
+                let i = waiting.trailing_zeros() as usize;
+                waiting &= waiting - 1;
+                let link = self.source.children(cells[i].node);
+                let octant = octant(offsets[i], bit);
+                if link >> octant & 1 == 0 {
+                    live &= !(1 << i);
+                } else {
+                    cells[i] = Found { node: (link >> 8) * 8 + octant, log2_size: bit as u8 };
+                }
+            }
+            if live == 0 {
+                break;
+            }
+        }
+        for (i, cell) in cells.iter_mut().enumerate() {
+            if inside >> i & 1 == 1 && self.source.corners(cell.node)[0] == u32::MAX {
+                *cell = self.last_with_rows(offsets[i]);
+            }
+        }
+    }
+
+    /// A point's cell from the root's low corner, lattice units.
+    #[inline]
+    fn offset(&self, point: Vec3) -> Option<[u32; 3]> {
+        let min = self.root.min;
+        let cell = (point / self.unit_m).floor();
+        let low = Vec3::new(min[0] as f32, min[1] as f32, min[2] as f32);
+        let span = (1u64 << self.root.log2_size) as f32;
+        // Not a number fails this comparison too.
+        (cell.cmpge(low).all() && cell.cmplt(low + Vec3::splat(span)).all()).then(|| {
+            [
+                (cell.x as i32).wrapping_sub(min[0]) as u32,
+                (cell.y as i32).wrapping_sub(min[1]) as u32,
+                (cell.z as i32).wrapping_sub(min[2]) as u32,
+            ]
+        })
+    }
+
+    /// The slow way, for a finest voxel without rows: the last one above it that has some.
+    #[cold]
+    fn last_with_rows(&self, offset: [u32; 3]) -> Found {
+        let (mut node, mut found) = (self.root.node, Found::NONE);
+        let mut bit = u32::from(self.root.log2_size);
+        loop {
+            if self.source.corners(node)[0] != u32::MAX {
+                found = Found { node, log2_size: bit as u8 };
+            }
+            if bit == 0 {
+                return found;
+            }
+            bit -= 1;
+            let (link, octant) = (self.source.children(node), octant(offset, bit));
+            if link >> octant & 1 == 0 {
+                return found;
+            }
+            node = (link >> 8) * 8 + octant;
+        }
+    }
+
+    /// Where the voxel that [`Self::find`] returned for `point` lies; it must be some.
+    #[inline]
+    pub fn located(&self, cell: Found, point: Vec3) -> Located {
+        let offset = self.offset(point).unwrap_or_default();
+        let shift = u32::from(cell.log2_size);
+        let low = |axis: usize| {
+            self.root.min[axis].wrapping_add((offset[axis] >> shift << shift) as i32) as f32
+                * self.unit_m
+        };
+        Located {
+            node: cell.node,
+            min_m: Vec3::new(low(0), low(1), low(2)),
+            size_m: (1u64 << shift) as f32 * self.unit_m,
+        }
+    }
+}
+
+/// The octant of a cell at one level.
+#[inline]
+fn octant(offset: [u32; 3], bit: u32) -> u32 {
+    (offset[0] >> bit & 1) | (offset[1] >> bit & 1) << 1 | (offset[2] >> bit & 1) << 2
+}
+
 /// The finest allocated voxel that contains `point` (world metres) and carries rows; `None`
 /// outside the root, for numbers that are not finite, and where no ancestor carries rows.
 #[inline]
 pub fn locate<S: NodeSource + ?Sized>(source: &S, point: Vec3) -> Option<Located> {
-    let root = source.root()?;
-    let unit = source.unit_m();
-    // Not a number fails this comparison too.
-    let cell = (point / unit).floor();
-    let low = Vec3::new(root.min[0] as f32, root.min[1] as f32, root.min[2] as f32);
-    let span = (1u64 << root.log2_size) as f32;
-    if !(cell.cmpge(low).all() && cell.cmplt(low + Vec3::splat(span)).all()) {
-        return None;
-    }
-    let offset = [
-        (cell.x as i32 - root.min[0]) as u32,
-        (cell.y as i32 - root.min[1]) as u32,
-        (cell.z as i32 - root.min[2]) as u32,
-    ];
-    let (mut node, mut shift) = (root.node, u32::from(root.log2_size));
-    let mut found = (source.corners(node)[0] != u32::MAX).then_some((node, shift));
-    while shift > 0 {
-        let link = source.children(node);
-        let bit = shift - 1;
-        let octant =
-            (offset[0] >> bit & 1) | (offset[1] >> bit & 1) << 1 | (offset[2] >> bit & 1) << 2;
-        if link >> octant & 1 == 0 {
-            break;
-        }
-        node = (link >> 8) * 8 + octant;
-        shift = bit;
-        if source.corners(node)[0] != u32::MAX {
-            found = Some((node, shift));
-        }
-    }
-    let (node, shift) = found?;
-    let corner =
-        |axis: usize| (root.min[axis] + (offset[axis] >> shift << shift) as i32) as f32 * unit;
-    Some(Located {
-        node,
-        min_m: Vec3::new(corner(0), corner(1), corner(2)),
-        size_m: (1u64 << shift) as f32 * unit,
-    })
+    let lookup = Lookup::new(source)?;
+    let cell = lookup.find(point);
+    cell.is_some().then(|| lookup.located(cell, point))
 }

@@ -8,7 +8,7 @@ mod lookup;
 mod topology;
 
 pub use key::{Cell, LIMIT, cell_of, pack};
-pub use lookup::{ChildLink, Located, NodeSource, Root, locate};
+pub use lookup::{ChildLink, Found, Located, Lookup, NodeSource, Root, locate};
 pub use topology::{NO_NODE, NO_ROW, Topology, TopologyState};
 
 /// Explicit part of a vertex: distance d, m, and its gradient g.

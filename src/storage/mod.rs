@@ -8,5 +8,5 @@ mod sections;
 #[cfg(test)]
 mod tests;
 
-pub use atomic::write_file;
+pub use atomic::{folder_of, write_file};
 pub use sections::{Sections, Tag};

@@ -1,0 +1,422 @@
+//! Forward, losses and backward for a fixed run of samples, by one thread, in a fixed order.
+//!
+//! A chunk copies the vertex rows that its samples touch into a small table, works on it in tiles
+//! of evaluations, and leaves one gradient for each row and for each decoder weight. No two
+//! threads write to the same place, so nothing depends on who runs when.
+
+use super::interpolate::{Evaluation, FEATURES, Gather, Scatter, Voxel};
+use super::plan::{Plan, Site, near_surface};
+use super::table::IndexTable;
+use crate::backend::{Batch, Host, LearnedRow, Losses, SampleKind, StepParameters};
+use crate::geometry::simd::{InstructionSet, LINE, Lines};
+use crate::modality::decoder::{Activations, Gradient, POINTS_MULTIPLE};
+use crate::modality::interpolation::{ExplicitCorners, Place, by_column};
+use crate::modality::losses::{STENCIL_M, Stencil, absolute, consistency, cross_entropy};
+use crate::modality::{Decoders, occupancy, sdf};
+use crate::octree::{Found, Lookup, NodeSource};
+use glam::Vec3;
+
+/// Samples of one chunk.
+pub(super) const CHUNK: usize = 256;
+/// Most evaluations of one tile: their activations stay in the second-level cache.
+const TILE: usize = 128;
+
+/// What a chunk reads.
+pub(super) struct Inputs<'a, N: NodeSource> {
+    pub host: &'a Host<'a, N>,
+    pub lookup: Lookup<'a, N>,
+    pub batch: &'a Batch,
+    pub plan: &'a Plan,
+    pub learned: &'a [LearnedRow],
+    pub decoders: &'a Decoders,
+    pub parameters: &'a StepParameters,
+    pub train_occupancy: bool,
+    pub set: InstructionSet,
+}
+
+/// What a chunk leaves behind; reused from step to step.
+#[derive(Default)]
+pub(super) struct Output {
+    /// Rows that were gathered, each once.
+    pub rows: Vec<u32>,
+    /// Whether a sample gathered the row's occupancy feature.
+    pub occupied: Vec<bool>,
+    /// [`FEATURES`] numbers a row.
+    pub by_values: Vec<[f32; FEATURES]>,
+    pub by_explicit: Vec<[f32; 4]>,
+    pub by_sdf_weights: Lines,
+    pub by_occupancy_weights: Lines,
+    /// Sums, not means.
+    pub losses: Losses,
+}
+
+/// One thread's working space.
+pub(super) struct Workspace {
+    voxel_index: IndexTable,
+    row_index: IndexTable,
+    voxels: Vec<Voxel>,
+    by_voxels: Vec<ExplicitCorners>,
+    values: Vec<[f32; FEATURES]>,
+    tile: Tile,
+    sdf: Activations,
+    occupancy: Activations,
+}
+
+/// The evaluations of one tile: the samples themselves, then their stencils, then padding.
+struct Tile {
+    samples: Vec<TileSample>,
+    evaluations: Vec<Evaluation>,
+    distances: Lines,
+    contexts: Lines,
+    residuals: Lines,
+    logits: Lines,
+    sdf_features: Lines,
+    occupancy_features: Lines,
+    /// ∂L/∂f, then ∂L/∂d_ga.
+    by_distances: Lines,
+    by_contexts: Lines,
+    by_logits: Lines,
+    by_sdf_features: Lines,
+    by_occupancy_features: Lines,
+}
+
+struct TileSample {
+    sample: u32,
+    /// First evaluation of its stencil; 0 without one.
+    stencil: usize,
+}
+
+impl Workspace {
+    pub(super) fn new() -> Self {
+        let one = || Lines::zeros(TILE);
+        let rows = || Lines::zeros(TILE * LINE);
+        Self {
+            voxel_index: IndexTable::new(),
+            row_index: IndexTable::new(),
+            voxels: Vec::new(),
+            by_voxels: Vec::new(),
+            values: Vec::new(),
+            tile: Tile {
+                samples: Vec::with_capacity(TILE),
+                evaluations: Vec::with_capacity(TILE),
+                distances: one(),
+                contexts: one(),
+                residuals: one(),
+                logits: one(),
+                sdf_features: rows(),
+                occupancy_features: rows(),
+                by_distances: one(),
+                by_contexts: one(),
+                by_logits: one(),
+                by_sdf_features: rows(),
+                by_occupancy_features: rows(),
+            },
+            sdf: Activations::default(),
+            occupancy: Activations::default(),
+        }
+    }
+}
+
+/// The factor of each term: its weight over the number of samples that pay it.
+struct Factors {
+    distance: [f32; 3],
+    eikonal: [f32; 3],
+    occupancy: f32,
+    consistency: f32,
+}
+
+impl Factors {
+    fn new(plan: &Plan, parameters: &StepParameters) -> Self {
+        let (w, counts) = (&parameters.weights, &plan.counts);
+        let per = |weight: f32, count: usize| weight / count.max(1) as f32;
+        let [free, perturbed, surface] = counts.kinds;
+        let near = counts.eikonal[1] + counts.eikonal[2];
+        Self {
+            distance: [
+                per(w.projection, free),
+                per(w.perturbation, perturbed),
+                per(w.boundary, surface),
+            ],
+            eikonal: [
+                per(w.eikonal_space, counts.eikonal[0]),
+                per(w.eikonal_surface, near),
+                per(w.eikonal_surface, near),
+            ],
+            occupancy: per(w.occupancy, counts.samples()),
+            consistency: per(w.consistency, free + perturbed),
+        }
+    }
+}
+
+/// Runs the chunk that starts at `start` in the plan's order.
+pub(super) fn run<N: NodeSource>(
+    inputs: &Inputs<'_, N>,
+    start: usize,
+    workspace: &mut Workspace,
+    output: &mut Output,
+) {
+    output.rows.clear();
+    output.by_values.clear();
+    output.by_explicit.clear();
+    output.occupied.clear();
+    output.losses = Losses::default();
+    clear(&mut output.by_sdf_weights, inputs.decoders.sdf.weights().len());
+    clear(&mut output.by_occupancy_weights, inputs.decoders.occupancy.weights().len());
+    workspace.voxel_index.clear();
+    workspace.row_index.clear();
+    workspace.voxels.clear();
+    workspace.by_voxels.clear();
+    workspace.values.clear();
+
+    let factors = Factors::new(inputs.plan, inputs.parameters);
+    let mut chunk = Chunk { inputs, factors, workspace, output };
+    let order = &inputs.plan.order[start..(start + CHUNK).min(inputs.plan.order.len())];
+    let mut done = 0;
+    while done < order.len() {
+        done += chunk.fill_tile(&order[done..]);
+        chunk.run_tile();
+    }
+    chunk.finish();
+}
+
+fn clear(lines: &mut Lines, len: usize) {
+    if lines.len() < len {
+        *lines = Lines::zeros(len);
+    } else {
+        lines.fill(0.0);
+    }
+}
+
+struct Chunk<'a, N: NodeSource> {
+    inputs: &'a Inputs<'a, N>,
+    factors: Factors,
+    workspace: &'a mut Workspace,
+    output: &'a mut Output,
+}
+
+impl<N: NodeSource> Chunk<'_, N> {
+    /// Lays out the next tile; returns how many samples it took.
+    fn fill_tile(&mut self, order: &[u32]) -> usize {
+        let stencil = self.inputs.parameters.stencil.offsets();
+        self.workspace.tile.samples.clear();
+        self.workspace.tile.evaluations.clear();
+        let (mut taken, mut evaluations) = (0, 0);
+        for sample in order {
+            let site = &self.inputs.plan.sites[*sample as usize];
+            let needs = 1 + if site.eikonal { stencil.len() } else { 0 };
+            if evaluations + needs > TILE {
+                break;
+            }
+            evaluations += needs;
+            taken += 1;
+            let point = self.inputs.batch.points[*sample as usize];
+            let index = self.evaluate(site.centre, point);
+            self.workspace.voxels[index].holds_sample = true;
+            self.workspace.tile.samples.push(TileSample { sample: *sample, stencil: 0 });
+        }
+        for (i, sample) in order[..taken].iter().enumerate() {
+            let site: &Site = &self.inputs.plan.sites[*sample as usize];
+            if !site.eikonal {
+                continue;
+            }
+            self.workspace.tile.samples[i].stencil = self.workspace.tile.evaluations.len();
+            let point = self.inputs.batch.points[*sample as usize];
+            for (offset, cell) in stencil.iter().zip(site.around) {
+                self.evaluate(cell, point + Vec3::from(*offset) * STENCIL_M);
+            }
+        }
+        taken
+    }
+
+    /// Adds an evaluation; returns the chunk's index of its voxel.
+    fn evaluate(&mut self, cell: Found, point: Vec3) -> usize {
+        let (index, new) = self.workspace.voxel_index.index(cell.node);
+        if new {
+            self.add_voxel(cell, point);
+        }
+        let voxel = &self.workspace.voxels[index];
+        let place = Place { offset_m: (point - voxel.min_m).to_array(), size_m: voxel.size_m };
+        self.workspace.tile.evaluations.push(Evaluation {
+            voxel: index as u32,
+            place,
+            ..Evaluation::default()
+        });
+        index
+    }
+
+    fn add_voxel(&mut self, cell: Found, point: Vec3) {
+        let located = self.inputs.lookup.located(cell, point);
+        let global = self.inputs.host.nodes.corners(cell.node);
+        let rows = global.map(|row| {
+            let (index, new) = self.workspace.row_index.index(row);
+            if new {
+                let learned = &self.inputs.learned[row as usize];
+                let mut values = [0.0; FEATURES];
+                values[..LINE].copy_from_slice(&learned.sdf_feature);
+                values[LINE..][..learned.occupancy_feature.len()]
+                    .copy_from_slice(&learned.occupancy_feature);
+                self.workspace.values.push(values);
+                self.output.rows.push(row);
+                self.output.occupied.push(false);
+                self.output.by_values.push([0.0; FEATURES]);
+                self.output.by_explicit.push([0.0; 4]);
+            }
+            index as u32
+        });
+        let explicit = by_column(global.map(|row| {
+            let prior = &self.inputs.host.prior[row as usize];
+            let learned = &self.inputs.learned[row as usize].explicit;
+            std::array::from_fn(|c| prior[c] + learned[c])
+        }));
+        self.workspace.by_voxels.push([[0.0; 8]; 4]);
+        self.workspace.voxels.push(Voxel {
+            min_m: located.min_m,
+            size_m: located.size_m,
+            rows,
+            explicit,
+            holds_sample: false,
+        });
+    }
+
+    fn run_tile(&mut self) {
+        let Workspace { tile, voxels, values, by_voxels, sdf, occupancy, .. } = self.workspace;
+        let set = self.inputs.set;
+        let count = tile.evaluations.len();
+        let padded = count.next_multiple_of(POINTS_MULTIPLE);
+        let samples = tile.samples.len();
+        let padded_samples = samples.next_multiple_of(POINTS_MULTIPLE);
+        set.run(Gather {
+            evaluations: &mut tile.evaluations,
+            samples: if self.inputs.train_occupancy { samples } else { 0 },
+            voxels,
+            values: bytemuck::cast_slice(values),
+            distances: &mut tile.distances,
+            sdf_features: &mut tile.sdf_features,
+            occupancy_features: &mut tile.occupancy_features,
+        });
+        tile.distances[count..padded].fill(0.0);
+        tile.sdf_features[count * LINE..padded * LINE].fill(0.0);
+        tile.occupancy_features[samples * LINE..padded_samples * LINE].fill(0.0);
+        for (context, distance) in tile.contexts.iter_mut().zip(tile.distances.iter()) {
+            *context = sdf::context(*distance);
+        }
+
+        let decoders = self.inputs.decoders;
+        let residuals = &mut tile.residuals[..padded];
+        decoders.sdf.forward(set, &tile.sdf_features, &tile.contexts, sdf, residuals);
+        if self.inputs.train_occupancy {
+            let logits = &mut tile.logits[..padded_samples];
+            let features = &tile.occupancy_features;
+            decoders.occupancy.forward(set, features, &tile.contexts, occupancy, logits);
+        }
+
+        lose(self.inputs, &self.factors, tile, &mut self.output.losses);
+
+        let gradient = Gradient {
+            features: &mut tile.by_sdf_features,
+            contexts: &mut tile.by_contexts,
+            weights: &mut self.output.by_sdf_weights,
+        };
+        let features = (&tile.sdf_features[..], &tile.contexts[..]);
+        decoders.sdf.backward(set, features, &tile.by_distances[..padded], sdf, gradient);
+        for i in 0..count {
+            tile.by_distances[i] += tile.by_contexts[i] * sdf::context_slope(tile.distances[i]);
+        }
+        if self.inputs.train_occupancy {
+            // Its context is a constant to it: ∂/∂c is dropped.
+            let gradient = Gradient {
+                features: &mut tile.by_occupancy_features,
+                contexts: &mut tile.by_contexts,
+                weights: &mut self.output.by_occupancy_weights,
+            };
+            let features = (&tile.occupancy_features[..], &tile.contexts[..]);
+            let by_logits = &tile.by_logits[..padded_samples];
+            decoders.occupancy.backward(set, features, by_logits, occupancy, gradient);
+        }
+        set.run(Scatter {
+            evaluations: &tile.evaluations,
+            samples: if self.inputs.train_occupancy { samples } else { 0 },
+            voxels,
+            by_distances: &tile.by_distances,
+            by_sdf_features: &tile.by_sdf_features,
+            by_occupancy_features: &tile.by_occupancy_features,
+            by_explicit: by_voxels,
+            by_values: bytemuck::cast_slice_mut(&mut self.output.by_values),
+        });
+    }
+
+    /// Brings the explicit gradients from voxels to rows.
+    fn finish(&mut self) {
+        for (voxel, by) in self.workspace.voxels.iter().zip(&self.workspace.by_voxels) {
+            for (k, row) in voxel.rows.iter().enumerate() {
+                let row = *row as usize;
+                for (sum, by) in self.output.by_explicit[row].iter_mut().zip(by) {
+                    *sum += by[k];
+                }
+                self.output.occupied[row] |= voxel.holds_sample;
+            }
+        }
+    }
+}
+
+/// The losses of a tile's samples: sums into `losses`, derivatives into the tile.
+fn lose<N: NodeSource>(
+    inputs: &Inputs<'_, N>,
+    factors: &Factors,
+    tile: &mut Tile,
+    losses: &mut Losses,
+) {
+    let stencil = inputs.parameters.stencil;
+    let points = stencil.offsets().len();
+    tile.by_distances.fill(0.0);
+    tile.by_logits.fill(0.0);
+    for (i, TileSample { sample, stencil: at }) in tile.samples.iter().enumerate() {
+        let sample = *sample as usize;
+        let kind = inputs.batch.kinds[sample];
+        let found = tile.distances[i] + tile.residuals[i];
+        let (loss, slope) = absolute(found, inputs.batch.distances[sample]);
+        let factor = factors.distance[kind as usize];
+        let mut total = f64::from(factor) * f64::from(loss);
+        let mut by_found = factor * slope;
+        *match kind {
+            SampleKind::Free => &mut losses.projection,
+            SampleKind::Perturbed => &mut losses.perturbation,
+            SampleKind::Surface => &mut losses.boundary,
+        } += f64::from(loss);
+
+        if *at > 0 {
+            let mut around = [0.0; Stencil::MAX];
+            for (j, f) in around[..points].iter_mut().enumerate() {
+                *f = tile.distances[at + j] + tile.residuals[at + j];
+            }
+            let (loss, by_centre, by_around) = stencil.eikonal(found, &around);
+            let factor = factors.eikonal[kind as usize];
+            total += f64::from(factor) * f64::from(loss);
+            by_found += factor * by_centre;
+            for (j, by) in by_around[..points].iter().enumerate() {
+                tile.by_distances[at + j] = factor * by;
+            }
+            *if near_surface(kind) {
+                &mut losses.eikonal_surface
+            } else {
+                &mut losses.eikonal_space
+            } += f64::from(loss);
+        }
+
+        if inputs.train_occupancy {
+            let logit = occupancy::prior_logit(tile.distances[i]) + tile.logits[i];
+            let (loss, slope) = cross_entropy(logit, inputs.batch.occupancies[sample]);
+            total += f64::from(factors.occupancy) * f64::from(loss);
+            losses.occupancy += f64::from(loss);
+            tile.by_logits[i] = factors.occupancy * slope;
+            if kind != SampleKind::Surface {
+                let (loss, slope) = consistency(found, logit);
+                total += f64::from(factors.consistency) * f64::from(loss);
+                losses.consistency += f64::from(loss);
+                by_found += factors.consistency * slope;
+            }
+        }
+        tile.by_distances[i] = by_found;
+        losses.total += total;
+    }
+}

@@ -1,0 +1,304 @@
+//! The CPU trainer: fused forward, losses and backward by fixed chunks of samples in voxel order.
+//!
+//! Deterministic without atomics or fixed-point sums: samples are sorted by voxel, cut into chunks
+//! of a fixed size, each chunk sums its own gradients in order, and the chunks' sums are added in
+//! chunk order, for each row and each decoder weight. So a step has the same bits on any number of
+//! threads (per instruction set), keeps the full range of f32, and threads never contend.
+
+mod adam;
+mod chunk;
+mod interpolate;
+mod plan;
+mod radix;
+mod rows;
+mod table;
+#[cfg(test)]
+mod tests;
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rayon::ThreadPool;
+use rayon::prelude::*;
+
+use self::adam::Corrections;
+use self::chunk::{CHUNK, Inputs, Output, Workspace};
+use self::plan::Plan;
+use self::rows::Rows;
+use super::{
+    Backend, BackendState, Batch, DecoderState, Host, LearnedRow, Losses, MAX_SAMPLES, RowMoments,
+    StepParameters, StepReport,
+};
+use crate::config::MapConfig;
+use crate::error::{Error, Result};
+use crate::geometry::simd::InstructionSet;
+use crate::modality::decoder::Decoder;
+use crate::modality::{Decoders, occupancy, sdf};
+use crate::octree::{Lookup, NodeSource};
+
+/// Trains on the CPU, on the threads of the pool that it is given.
+pub struct CpuBackend {
+    pool: Arc<ThreadPool>,
+    set: InstructionSet,
+    train_occupancy: bool,
+    rows: Rows,
+    decoders: Arc<Decoders>,
+    sdf_memory: DecoderMemory,
+    occupancy_memory: DecoderMemory,
+    plan: Plan,
+    outputs: Vec<Output>,
+    /// One for each thread of the pool; a lock is only ever taken by its own thread.
+    workspaces: Vec<Mutex<Workspace>>,
+}
+
+/// Adam's memory of a decoder, and its summed gradient.
+struct DecoderMemory {
+    first: Vec<f32>,
+    second: Vec<f32>,
+    steps: u32,
+    gradient: Vec<f32>,
+}
+
+impl DecoderMemory {
+    fn new(decoder: &Decoder) -> Self {
+        let zeros = vec![0.0; decoder.weights().len()];
+        Self { first: zeros.clone(), second: zeros.clone(), steps: 0, gradient: zeros }
+    }
+
+    /// Adds the chunks' gradients in chunk order.
+    fn collect<'a>(&mut self, chunks: impl Iterator<Item = &'a [f32]>) {
+        self.gradient.fill(0.0);
+        for by_weights in chunks {
+            for (sum, by) in self.gradient.iter_mut().zip(by_weights) {
+                *sum += by;
+            }
+        }
+    }
+
+    fn step(&mut self, decoder: &mut Decoder, rate: f32) {
+        self.steps = self.steps.saturating_add(1);
+        let corrections = Corrections::compute(self.steps);
+        decoder.update(|weights| {
+            let memory = (&mut self.first[..], &mut self.second[..]);
+            adam::step(weights, memory, &self.gradient, corrections, rate);
+        });
+    }
+
+    fn export(&self, decoder: &Decoder) -> DecoderState {
+        DecoderState {
+            weights: decoder.weights().to_vec(),
+            first: self.first.clone(),
+            second: self.second.clone(),
+            steps: self.steps,
+        }
+    }
+
+    fn import(state: DecoderState) -> Self {
+        let gradient = vec![0.0; state.weights.len()];
+        Self { first: state.first, second: state.second, steps: state.steps, gradient }
+    }
+}
+
+impl CpuBackend {
+    /// A backend without rows; decoders start from the configuration's seed.
+    pub fn new(config: &MapConfig, pool: Arc<ThreadPool>) -> Result<Self> {
+        let decoders = Decoders {
+            sdf: sdf::decoder(&config.hidden, config.seed)?,
+            occupancy: occupancy::decoder(config.seed)?,
+        };
+        let workspaces = (0..pool.current_num_threads()).map(|_| Mutex::new(Workspace::new()));
+        Ok(Self {
+            workspaces: workspaces.collect(),
+            pool,
+            set: InstructionSet::detect(),
+            train_occupancy: config.has("occupancy"),
+            rows: Rows::new(),
+            sdf_memory: DecoderMemory::new(&decoders.sdf),
+            occupancy_memory: DecoderMemory::new(&decoders.occupancy),
+            decoders: Arc::new(decoders),
+            plan: Plan::default(),
+            outputs: Vec::new(),
+        })
+    }
+
+    /// Losses and gradients of a batch, left in `rows`, `outputs` and the decoders' memory.
+    fn accumulate<N: NodeSource + Sync>(
+        &mut self,
+        host: &Host<'_, N>,
+        batch: &Batch,
+        parameters: &StepParameters,
+    ) -> Result<StepReport> {
+        check(host, batch, self.rows.len())?;
+        let pool = self.pool.clone();
+        pool.install(|| {
+            self.plan.make(host.nodes, self.rows.len(), batch, parameters);
+            let samples = self.plan.order.len();
+            self.run_chunks(host, batch, parameters);
+            self.rows.collect(&self.outputs);
+            self.sdf_memory.collect(self.outputs.iter().map(|o| &o.by_sdf_weights[..]));
+            if self.train_occupancy {
+                let chunks = self.outputs.iter().map(|o| &o.by_occupancy_weights[..]);
+                self.occupancy_memory.collect(chunks);
+            }
+            Ok(StepReport { losses: self.mean_losses(), samples, rows: 0 })
+        })
+    }
+
+    fn run_chunks<N: NodeSource + Sync>(
+        &mut self,
+        host: &Host<'_, N>,
+        batch: &Batch,
+        parameters: &StepParameters,
+    ) {
+        let chunks = self.plan.order.len().div_ceil(CHUNK);
+        self.outputs.resize_with(chunks, Output::default);
+        let Some(lookup) = Lookup::new(host.nodes) else { return };
+        let inputs = Inputs {
+            host,
+            lookup,
+            batch,
+            plan: &self.plan,
+            learned: &self.rows.learned,
+            decoders: &self.decoders,
+            parameters,
+            train_occupancy: self.train_occupancy,
+            set: self.set,
+        };
+        let workspaces = &self.workspaces;
+        self.outputs.par_iter_mut().enumerate().for_each(|(chunk, output)| {
+            let thread = rayon::current_thread_index().unwrap_or(0) % workspaces.len();
+            // A workspace is cleared before use, so a panicked user leaves no harm.
+            let mut workspace = workspaces[thread].lock().unwrap_or_else(PoisonError::into_inner);
+            chunk::run(&inputs, chunk * CHUNK, &mut workspace, output);
+        });
+    }
+
+    fn mean_losses(&self) -> Losses {
+        let mut sum = Losses::default();
+        for Output { losses, .. } in &self.outputs {
+            sum.boundary += losses.boundary;
+            sum.perturbation += losses.perturbation;
+            sum.projection += losses.projection;
+            sum.eikonal_surface += losses.eikonal_surface;
+            sum.eikonal_space += losses.eikonal_space;
+            sum.occupancy += losses.occupancy;
+            sum.consistency += losses.consistency;
+            sum.total += losses.total;
+        }
+        let counts = &self.plan.counts;
+        let [free, perturbed, surface] = counts.kinds;
+        let mean = |sum: f64, count: usize| sum / count.max(1) as f64;
+        Losses {
+            boundary: mean(sum.boundary, surface),
+            perturbation: mean(sum.perturbation, perturbed),
+            projection: mean(sum.projection, free),
+            eikonal_surface: mean(sum.eikonal_surface, counts.eikonal[1] + counts.eikonal[2]),
+            eikonal_space: mean(sum.eikonal_space, counts.eikonal[0]),
+            occupancy: mean(sum.occupancy, counts.samples()),
+            consistency: mean(sum.consistency, free + perturbed),
+            total: sum.total,
+        }
+    }
+}
+
+fn check<N: NodeSource>(host: &Host<'_, N>, batch: &Batch, rows: usize) -> Result<()> {
+    let samples = batch.points.len();
+    if samples > MAX_SAMPLES {
+        return Err(Error::invalid("batch.points", format!("at most {MAX_SAMPLES} samples")));
+    }
+    for (field, len) in [
+        ("batch.kinds", batch.kinds.len()),
+        ("batch.distances", batch.distances.len()),
+        ("batch.occupancies", batch.occupancies.len()),
+        ("batch.eikonal", batch.eikonal.len()),
+    ] {
+        if len != samples {
+            return Err(Error::invalid(field, format!("{len} entries for {samples} points")));
+        }
+    }
+    if host.prior.len() < rows {
+        let problem = format!("{} entries for {rows} rows", host.prior.len());
+        return Err(Error::invalid("host.prior", problem));
+    }
+    Ok(())
+}
+
+impl<N: NodeSource + Sync> Backend<N> for CpuBackend {
+    fn rows(&self) -> usize {
+        self.rows.len()
+    }
+
+    fn resize(&mut self, rows: usize) {
+        self.rows.resize(rows);
+    }
+
+    fn reset(&mut self, rows: &[u32]) {
+        self.rows.reset(rows);
+    }
+
+    fn step(
+        &mut self,
+        host: &Host<'_, N>,
+        batch: &Batch,
+        parameters: &StepParameters,
+    ) -> Result<StepReport> {
+        let mut report = self.accumulate(host, batch, parameters)?;
+        if report.samples == 0 {
+            return Ok(report);
+        }
+        let pool = self.pool.clone();
+        report.rows = pool.install(|| self.rows.step(&self.outputs, parameters));
+        let decoders = Arc::make_mut(&mut self.decoders);
+        self.sdf_memory.step(&mut decoders.sdf, parameters.decoder_rate);
+        if self.train_occupancy {
+            self.occupancy_memory.step(&mut decoders.occupancy, parameters.decoder_rate);
+        }
+        Ok(report)
+    }
+
+    fn read_changed(&mut self, visit: &mut dyn FnMut(u32, &LearnedRow)) {
+        self.rows.read_changed(visit);
+    }
+
+    fn decoders(&self) -> Arc<Decoders> {
+        self.decoders.clone()
+    }
+
+    fn export(&self) -> BackendState {
+        BackendState {
+            learned: self.rows.learned.clone(),
+            moments: self.rows.moments.clone(),
+            sdf: self.sdf_memory.export(&self.decoders.sdf),
+            occupancy: self.occupancy_memory.export(&self.decoders.occupancy),
+        }
+    }
+
+    fn import(&mut self, state: BackendState) -> Result<()> {
+        if state.learned.len() != state.moments.len() {
+            return Err(Error::corrupt("backend state", "rows and moments differ in number"));
+        }
+        let mut decoders = Decoders::clone(&self.decoders);
+        for (name, decoder, state) in [
+            ("sdf", &mut decoders.sdf, &state.sdf),
+            ("occupancy", &mut decoders.occupancy, &state.occupancy),
+        ] {
+            let expected = decoder.weights().len();
+            for column in [&state.weights, &state.first, &state.second] {
+                if column.len() != expected || !column.iter().all(|x| x.is_finite()) {
+                    let problem = format!("must be {expected} finite numbers");
+                    return Err(Error::corrupt(format!("{name} decoder"), problem));
+                }
+            }
+            decoder.update(|weights| weights.copy_from_slice(&state.weights));
+        }
+        self.decoders = Arc::new(decoders);
+        self.sdf_memory = DecoderMemory::import(state.sdf);
+        self.occupancy_memory = DecoderMemory::import(state.occupancy);
+        self.rows.replace(state.learned, state.moments);
+        Ok(())
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        let row = size_of::<LearnedRow>() + size_of::<RowMoments>();
+        (self.rows.learned.capacity() * row) as u64
+    }
+}

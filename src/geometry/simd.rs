@@ -1,0 +1,429 @@
+//! SIMD lanes: one generic kernel body, compiled for the instruction sets that exist and chosen at
+//! run time, so that one binary runs on any x86-64 or aarch64 machine.
+//!
+//! A [`Kernel`] body is `#[inline(always)]` all the way down, so that it is compiled inside the
+//! `#[target_feature]` entry point that [`InstructionSet::run`] picks. Invariant: the AVX lane
+//! types are named only by those entry points, which are reached only after the run-time check.
+
+use std::ops::{Add, Deref, DerefMut, Mul, Sub};
+
+/// Numbers in one 64-byte cache line, the widest vector of any instruction set here.
+pub const LINE: usize = 16;
+
+/// One cache line of numbers.
+#[derive(Debug, Clone, Copy, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C, align(64))]
+pub struct Line(pub [f32; LINE]);
+
+impl Line {
+    pub const ZERO: Self = Self([0.0; LINE]);
+}
+
+/// A growable block of numbers that starts on a cache line; its length is a multiple of [`LINE`].
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Lines(Vec<Line>);
+
+impl Lines {
+    /// Zeros for at least `len` numbers.
+    pub fn zeros(len: usize) -> Self {
+        Self(vec![Line::ZERO; len.div_ceil(LINE)])
+    }
+}
+
+impl Deref for Lines {
+    type Target = [f32];
+
+    fn deref(&self) -> &[f32] {
+        bytemuck::cast_slice(&self.0)
+    }
+}
+
+impl DerefMut for Lines {
+    fn deref_mut(&mut self) -> &mut [f32] {
+        bytemuck::cast_slice_mut(&mut self.0)
+    }
+}
+
+/// A vector of `N` numbers; `N` divides [`LINE`].
+pub(crate) trait Lanes:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self>
+{
+    const N: usize;
+
+    fn splat(x: f32) -> Self;
+    /// # Safety
+    /// `N` numbers must be readable at `from`.
+    unsafe fn read(from: *const f32) -> Self;
+    /// # Safety
+    /// `N` numbers must be writable at `to`.
+    unsafe fn write(self, to: *mut f32);
+    /// `self * b + c`, fused where the instruction set fuses.
+    fn mul_add(self, b: Self, c: Self) -> Self;
+    /// `max(self, 0)`.
+    fn relu(self) -> Self;
+    /// `self` where `gate > 0`, else 0.
+    fn where_positive(self, gate: Self) -> Self;
+    /// `self` where `gate >= 0`, else 0.
+    fn where_not_negative(self, gate: Self) -> Self;
+    /// The sum over the lanes.
+    fn sum(self) -> f32;
+
+    /// The `N` numbers from `at`.
+    #[inline(always)]
+    fn load(from: &[f32], at: usize) -> Self {
+        let lanes = &from[at..at + Self::N];
+        // SAFETY: the slice holds N numbers.
+        unsafe { Self::read(lanes.as_ptr()) }
+    }
+
+    /// Writes the `N` numbers from `at`.
+    #[inline(always)]
+    fn store(self, to: &mut [f32], at: usize) {
+        let lanes = &mut to[at..at + Self::N];
+        // SAFETY: the slice holds N numbers.
+        unsafe { self.write(lanes.as_mut_ptr()) }
+    }
+}
+
+/// A computation whose body is generic over the lanes.
+pub(crate) trait Kernel {
+    type Output;
+
+    /// The body; must be `#[inline(always)]`, and so must all it calls with `L`.
+    fn run<L: Lanes>(self) -> Self::Output;
+}
+
+/// The instruction sets that a kernel is compiled for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum InstructionSet {
+    /// Plain code in groups of four, which every compiler target turns into its 128-bit vectors.
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+impl InstructionSet {
+    /// The best that this machine runs.
+    pub fn detect() -> Self {
+        Self::available().last().copied().unwrap_or(Self::Portable)
+    }
+
+    /// All that this machine runs, from the narrowest.
+    pub fn available() -> Vec<Self> {
+        let mut sets = vec![Self::Portable];
+        #[cfg(target_arch = "x86_64")]
+        {
+            if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+                sets.push(Self::Avx2);
+                if is_x86_feature_detected!("avx512f") {
+                    sets.push(Self::Avx512);
+                }
+            }
+        }
+        sets
+    }
+
+    /// Runs a kernel with this instruction set, which must be one of [`Self::available`].
+    #[inline]
+    pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        match self {
+            Self::Portable => kernel.run::<Four>(),
+            // SAFETY: sets come from `available`, which asked the processor.
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => unsafe { x86::run_avx2(kernel) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => unsafe { x86::run_avx512(kernel) },
+        }
+    }
+}
+
+/// Four lanes of plain code.
+#[derive(Clone, Copy)]
+pub(crate) struct Four([f32; 4]);
+
+impl Four {
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+        Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
+    }
+}
+
+impl Add for Four {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.zip(other, |a, b| a + b)
+    }
+}
+
+impl Sub for Four {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.zip(other, |a, b| a - b)
+    }
+}
+
+impl Mul for Four {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.zip(other, |a, b| a * b)
+    }
+}
+
+impl Lanes for Four {
+    const N: usize = 4;
+
+    #[inline(always)]
+    fn splat(x: f32) -> Self {
+        Self([x; 4])
+    }
+
+    #[inline(always)]
+    unsafe fn read(from: *const f32) -> Self {
+        // SAFETY: the caller's promise.
+        Self(unsafe { from.cast::<[f32; 4]>().read_unaligned() })
+    }
+
+    #[inline(always)]
+    unsafe fn write(self, to: *mut f32) {
+        // SAFETY: the caller's promise.
+        unsafe { to.cast::<[f32; 4]>().write_unaligned(self.0) }
+    }
+
+    #[inline(always)]
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        // Fused is one instruction on aarch64 and a library call on plain x86-64.
+        if cfg!(target_arch = "aarch64") {
+            Self(std::array::from_fn(|i| self.0[i].mul_add(b.0[i], c.0[i])))
+        } else {
+            self * b + c
+        }
+    }
+
+    #[inline(always)]
+    fn relu(self) -> Self {
+        Self(self.0.map(|x| if x > 0.0 { x } else { 0.0 }))
+    }
+
+    #[inline(always)]
+    fn where_positive(self, gate: Self) -> Self {
+        self.zip(gate, |x, g| if g > 0.0 { x } else { 0.0 })
+    }
+
+    #[inline(always)]
+    fn where_not_negative(self, gate: Self) -> Self {
+        self.zip(gate, |x, g| if g >= 0.0 { x } else { 0.0 })
+    }
+
+    #[inline(always)]
+    fn sum(self) -> f32 {
+        (self.0[0] + self.0[2]) + (self.0[1] + self.0[3])
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use std::arch::x86_64::*;
+    use std::ops::{Add, Mul, Sub};
+
+    use super::{Kernel, Lanes};
+
+    #[target_feature(enable = "avx2,fma")]
+    pub(super) fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
+        kernel.run::<Eight>()
+    }
+
+    #[target_feature(enable = "avx2,fma,avx512f")]
+    pub(super) fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
+        kernel.run::<Sixteen>()
+    }
+
+    /// Eight lanes of AVX2.
+    #[derive(Clone, Copy)]
+    pub(super) struct Eight(__m256);
+
+    /// Sixteen lanes of AVX-512.
+    #[derive(Clone, Copy)]
+    pub(super) struct Sixteen(__m512);
+
+    /// An operator of a lane type as one intrinsic.
+    macro_rules! operator {
+        ($lanes:ident, $trait:ident, $method:ident, $intrinsic:ident) => {
+            impl $trait for $lanes {
+                type Output = Self;
+                #[inline(always)]
+                fn $method(self, other: Self) -> Self {
+                    // SAFETY: the type is named only behind the run-time check (module invariant).
+                    Self(unsafe { $intrinsic(self.0, other.0) })
+                }
+            }
+        };
+    }
+
+    operator!(Eight, Add, add, _mm256_add_ps);
+    operator!(Eight, Sub, sub, _mm256_sub_ps);
+    operator!(Eight, Mul, mul, _mm256_mul_ps);
+    operator!(Sixteen, Add, add, _mm512_add_ps);
+    operator!(Sixteen, Sub, sub, _mm512_sub_ps);
+    operator!(Sixteen, Mul, mul, _mm512_mul_ps);
+
+    // SAFETY of every block below: the types are named only behind the run-time check (module
+    // invariant); pointers are the caller's promise.
+
+    impl Lanes for Eight {
+        const N: usize = 8;
+
+        #[inline(always)]
+        fn splat(x: f32) -> Self {
+            Self(unsafe { _mm256_set1_ps(x) })
+        }
+
+        #[inline(always)]
+        unsafe fn read(from: *const f32) -> Self {
+            Self(unsafe { _mm256_loadu_ps(from) })
+        }
+
+        #[inline(always)]
+        unsafe fn write(self, to: *mut f32) {
+            unsafe { _mm256_storeu_ps(to, self.0) }
+        }
+
+        #[inline(always)]
+        fn mul_add(self, b: Self, c: Self) -> Self {
+            Self(unsafe { _mm256_fmadd_ps(self.0, b.0, c.0) })
+        }
+
+        #[inline(always)]
+        fn relu(self) -> Self {
+            Self(unsafe { _mm256_max_ps(self.0, _mm256_setzero_ps()) })
+        }
+
+        #[inline(always)]
+        fn where_positive(self, gate: Self) -> Self {
+            Self(unsafe {
+                _mm256_and_ps(self.0, _mm256_cmp_ps::<_CMP_GT_OQ>(gate.0, _mm256_setzero_ps()))
+            })
+        }
+
+        #[inline(always)]
+        fn where_not_negative(self, gate: Self) -> Self {
+            Self(unsafe {
+                _mm256_and_ps(self.0, _mm256_cmp_ps::<_CMP_GE_OQ>(gate.0, _mm256_setzero_ps()))
+            })
+        }
+
+        #[inline(always)]
+        fn sum(self) -> f32 {
+            unsafe {
+                let four =
+                    _mm_add_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
+                let two = _mm_add_ps(four, _mm_movehl_ps(four, four));
+                _mm_cvtss_f32(_mm_add_ss(two, _mm_shuffle_ps::<1>(two, two)))
+            }
+        }
+    }
+
+    impl Lanes for Sixteen {
+        const N: usize = 16;
+
+        #[inline(always)]
+        fn splat(x: f32) -> Self {
+            Self(unsafe { _mm512_set1_ps(x) })
+        }
+
+        #[inline(always)]
+        unsafe fn read(from: *const f32) -> Self {
+            Self(unsafe { _mm512_loadu_ps(from) })
+        }
+
+        #[inline(always)]
+        unsafe fn write(self, to: *mut f32) {
+            unsafe { _mm512_storeu_ps(to, self.0) }
+        }
+
+        #[inline(always)]
+        fn mul_add(self, b: Self, c: Self) -> Self {
+            Self(unsafe { _mm512_fmadd_ps(self.0, b.0, c.0) })
+        }
+
+        #[inline(always)]
+        fn relu(self) -> Self {
+            Self(unsafe { _mm512_max_ps(self.0, _mm512_setzero_ps()) })
+        }
+
+        #[inline(always)]
+        fn where_positive(self, gate: Self) -> Self {
+            Self(unsafe {
+                let mask = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(gate.0, _mm512_setzero_ps());
+                _mm512_maskz_mov_ps(mask, self.0)
+            })
+        }
+
+        #[inline(always)]
+        fn where_not_negative(self, gate: Self) -> Self {
+            Self(unsafe {
+                let mask = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(gate.0, _mm512_setzero_ps());
+                _mm512_maskz_mov_ps(mask, self.0)
+            })
+        }
+
+        #[inline(always)]
+        fn sum(self) -> f32 {
+            Eight(unsafe {
+                _mm256_add_ps(
+                    _mm512_castps512_ps256(self.0),
+                    _mm256_castpd_ps(_mm512_extractf64x4_pd::<1>(_mm512_castps_pd(self.0))),
+                )
+            })
+            .sum()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct EveryOperation;
+
+    impl Kernel for EveryOperation {
+        type Output = Vec<f32>;
+
+        #[inline(always)]
+        fn run<L: Lanes>(self) -> Vec<f32> {
+            let a: Vec<f32> = (0..16).map(|i| i as f32 - 7.0).collect();
+            let b: Vec<f32> = (0..16).map(|i| ((i * 5) % 16) as f32 - 8.0).collect();
+            let mut out = vec![f32::NAN; 16 * 7];
+            let mut sum = 0.0;
+            for at in (0..16).step_by(L::N) {
+                let (x, y) = (L::load(&a, at), L::load(&b, at));
+                (x + y).store(&mut out, at);
+                (x - y).store(&mut out, 16 + at);
+                (x * y).store(&mut out, 32 + at);
+                x.mul_add(y, L::splat(0.5)).store(&mut out, 48 + at);
+                x.relu().store(&mut out, 64 + at);
+                y.where_positive(x).store(&mut out, 80 + at);
+                y.where_not_negative(x).store(&mut out, 96 + at);
+                sum += (x * y).sum();
+            }
+            out.push(sum);
+            out
+        }
+    }
+
+    #[test]
+    fn every_set_computes_the_same() {
+        let expected = InstructionSet::Portable.run(EveryOperation);
+        assert!(expected.iter().all(|x| x.is_finite()));
+        assert_eq!(expected[80 + 7], 0.0, "a gate of exactly 0 is not positive");
+        assert_ne!(expected[96 + 7], 0.0, "a gate of exactly 0 is not negative");
+        for set in InstructionSet::available() {
+            assert_eq!(set.run(EveryOperation), expected, "{set:?}");
+        }
+    }
+}
