@@ -29,6 +29,7 @@ enum Command {
     Map(map::MapArgs),
     Eval(eval::EvalArgs),
     Query(query::QueryArgs),
+    Slice(slice::SliceArgs),
     Mesh(mesh::MeshArgs),
 }
 
@@ -39,6 +40,7 @@ pub fn run() -> ExitCode {
         Command::Map(arguments) => arguments.run(),
         Command::Eval(arguments) => arguments.run(),
         Command::Query(arguments) => arguments.run(),
+        Command::Slice(arguments) => arguments.run(),
         Command::Mesh(arguments) => arguments.run(),
     };
     match result {
