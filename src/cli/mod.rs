@@ -2,14 +2,16 @@
 //!
 //! Exit codes: 0 done; 2 bad arguments or input; 1 anything else. A failure's message goes to
 //! stderr, in one line.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is the part that prints")]
 
+pub mod demo;
 pub mod eval;
 pub mod map;
 pub mod mesh;
 mod open;
 pub mod query;
+pub mod serve;
 pub mod slice;
+pub mod stream;
 
 use std::process::ExitCode;
 
@@ -26,6 +28,9 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Demo(demo::DemoArgs),
+    Serve(serve::ServeArgs),
+    Stream(stream::StreamArgs),
     Map(map::MapArgs),
     Eval(eval::EvalArgs),
     Query(query::QueryArgs),
@@ -36,7 +41,11 @@ enum Command {
 /// Parses the process's arguments and runs the subcommand. Wrong arguments end the process with
 /// code 2, as clap does.
 pub fn run() -> ExitCode {
+    crate::telemetry::log_to_stderr();
     let result = match Arguments::parse().command {
+        Command::Demo(arguments) => arguments.run(),
+        Command::Serve(arguments) => arguments.run(),
+        Command::Stream(arguments) => arguments.run(),
         Command::Map(arguments) => arguments.run(),
         Command::Eval(arguments) => arguments.run(),
         Command::Query(arguments) => arguments.run(),

@@ -5,23 +5,19 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::map::MapView;
+use crate::storage;
 
 /// The view that a map file holds.
 pub(super) fn open_view(path: &Path) -> Result<Arc<MapView>> {
     if !path.is_file() {
         return Err(Error::NotFound { what: format!("map file {}", path.display()) });
     }
-    Err(Error::Unavailable("this build cannot read map files".to_owned()))
+    storage::load_view(path)
 }
 
 /// Whether a MAP argument names a server.
 pub(super) fn is_url(map: &str) -> bool {
     ["http://", "https://", "grpc://"].iter().any(|scheme| map.starts_with(scheme))
-}
-
-/// The folder of a file, where its temporary neighbours go.
-pub(super) fn folder_of(path: &Path) -> &Path {
-    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 #[cfg(test)]
