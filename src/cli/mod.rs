@@ -2,7 +2,6 @@
 //!
 //! Exit codes: 0 done; 2 bad arguments or input; 1 anything else. A failure's message goes to
 //! stderr, in one line.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is the part that prints")]
 
 pub mod demo;
 pub mod eval;
