@@ -265,12 +265,12 @@ mod tests {
         // Bytes for two frames: a sensor's own oldest frame makes room.
         assert!(lanes.push(job(&news, "a", 4), QueuePolicy::Latest).is_none());
         assert_eq!(told(&news)[0], note(1, "replaced"));
-        // The lane of "b" is idle: a third sensor takes it over.
-        assert_eq!(lanes.pop().expect("first").frame.seq, 2);
+        // The lane of "a" is idle: a third sensor takes it over.
+        assert_eq!(lanes.pop().expect("first").frame.seq, 4);
         assert!(lanes.push(job(&news, "c", 5), QueuePolicy::Latest).is_none());
         told(&news);
         // Nothing of a new sensor's own could make room.
-        assert_eq!(lanes.pop().expect("of the other lane").frame.seq, 4);
+        assert_eq!(lanes.pop().expect("of the other lane").frame.seq, 2);
         assert!(lanes.push(job(&news, "c", 6), QueuePolicy::Latest).is_none());
         told(&news);
         assert!(lanes.push(job(&news, "d", 7), QueuePolicy::Latest).is_none());
