@@ -34,6 +34,7 @@ enum Command {
     Map(map::MapArgs),
     Eval(eval::EvalArgs),
     Query(query::QueryArgs),
+    Slice(slice::SliceArgs),
     Mesh(mesh::MeshArgs),
 }
 
@@ -48,6 +49,7 @@ pub fn run() -> ExitCode {
         Command::Map(arguments) => arguments.run(),
         Command::Eval(arguments) => arguments.run(),
         Command::Query(arguments) => arguments.run(),
+        Command::Slice(arguments) => arguments.run(),
         Command::Mesh(arguments) => arguments.run(),
     };
     match result {

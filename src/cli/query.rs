@@ -10,13 +10,13 @@ use glam::Vec3;
 use rayon::ThreadPool;
 use tokio::runtime::Runtime;
 
-use super::open::{folder_of, is_url, open_view};
+use super::open::{is_url, open_view};
 use crate::client::Client;
 use crate::error::{Error, Result};
 use crate::map::{Fields, MapView, PointAnswers, State, query_parallel, query_pool};
 use crate::numpy::{ArchiveWriter, ArrayReader, Element, write_values};
 use crate::service::DEFAULT_MAP;
-use crate::storage::write_file;
+use crate::storage::{folder_of, write_file};
 
 /// Points in memory at a time, whatever the size of the file.
 const PIECE_POINTS: usize = 1 << 17;

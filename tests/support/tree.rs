@@ -9,28 +9,28 @@ use orenx::octree::Explicit;
 use orenx::octree::{ChildLink, NodeSource, Root};
 
 /// A tree and its rows.
-pub struct Tree {
+pub(crate) struct Tree {
     unit_m: f32,
     root: Root,
     children: Vec<ChildLink>,
     corners: Vec<[u32; 8]>,
     /// World position of each row, m.
-    pub positions: Vec<Vec3>,
+    pub(crate) positions: Vec<Vec3>,
     /// Prior, or prior plus learned, as the test likes.
-    pub explicit: Vec<Explicit>,
-    pub sdf_features: Vec<Feature>,
-    pub occupancy_features: Vec<[f32; 8]>,
+    pub(crate) explicit: Vec<Explicit>,
+    pub(crate) sdf_features: Vec<Feature>,
+    pub(crate) occupancy_features: Vec<[f32; 8]>,
 }
 
 /// A feature on its own cache line.
 #[derive(Clone, Copy, Default)]
 #[repr(C, align(64))]
-pub struct Feature(pub [f32; 16]);
+pub(crate) struct Feature(pub [f32; 16]);
 
 impl Tree {
     /// A cube of `1 << log2_size` units around the origin; `split(min_m, size_m)` says which
     /// voxels have children (down to one unit). `field` gives (d, g) at each row.
-    pub fn new(
+    pub(crate) fn new(
         log2_size: u8,
         unit_m: f32,
         split: impl Fn(Vec3, f32) -> bool,
@@ -81,7 +81,7 @@ impl Tree {
     }
 
     /// Number of rows.
-    pub fn rows(&self) -> usize {
+    pub(crate) fn rows(&self) -> usize {
         self.positions.len()
     }
 }

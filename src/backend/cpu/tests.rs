@@ -12,7 +12,7 @@ use crate::config::{MapConfig, MapSettings, Profile};
 use crate::geometry::random::{pcg4d, unit};
 use crate::modality::losses::{LossWeights, Stencil};
 use crate::modality::read::{Answers, evaluate};
-use crate::test_tree::Tree;
+use crate::modality::test_tree::Tree;
 
 fn config(profile: Profile) -> MapConfig {
     let settings = MapSettings { profile, seed: 3, ..MapSettings::default() };
