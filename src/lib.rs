@@ -36,10 +36,6 @@ pub mod telemetry;
 pub mod train;
 pub mod wire;
 
-// Unit tests and benchmarks share `tests/support`, which names the library from outside.
+// Unit tests and benchmarks share `tests/support/tree.rs`, which names the library from outside.
 #[cfg(test)]
 extern crate self as orenx;
-
-#[cfg(test)]
-#[path = "../tests/support/tree.rs"]
-mod test_tree;

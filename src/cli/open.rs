@@ -5,13 +5,14 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::map::MapView;
+use crate::storage;
 
 /// The view that a map file holds.
 pub(super) fn open_view(path: &Path) -> Result<Arc<MapView>> {
     if !path.is_file() {
         return Err(Error::NotFound { what: format!("map file {}", path.display()) });
     }
-    Err(Error::Unavailable("this build cannot read map files".to_owned()))
+    storage::load_view(path)
 }
 
 /// Whether a MAP argument names a server.

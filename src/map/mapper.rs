@@ -56,25 +56,25 @@ pub struct MapStats {
 
 /// Owns the map and its backend; used by one thread.
 pub struct Mapper {
-    config: Arc<MapConfig>,
-    pool: Arc<rayon::ThreadPool>,
-    topology: Topology,
-    surface: Surface,
-    key_frames: KeyFrames,
-    schedule: Schedule,
-    backend: Box<dyn Backend<Topology>>,
+    pub(super) config: Arc<MapConfig>,
+    pub(super) pool: Arc<rayon::ThreadPool>,
+    pub(super) topology: Topology,
+    pub(super) surface: Surface,
+    pub(super) key_frames: KeyFrames,
+    pub(super) schedule: Schedule,
+    pub(super) backend: Box<dyn Backend<Topology>>,
     /// What the backend learned for (d, g), by row, as of the last publication.
-    learned: Vec<Explicit>,
+    pub(super) learned: Vec<Explicit>,
     /// What the backend takes for the prior under [`Prior::Learned`]: zeros.
-    no_prior: Vec<Explicit>,
-    store: Store,
-    stats: MapStats,
-    newest_stamp_ns: i64,
+    pub(super) no_prior: Vec<Explicit>,
+    pub(super) store: Store,
+    pub(super) stats: MapStats,
+    pub(super) newest_stamp_ns: i64,
     /// Rows whose prior changed, and bricks, since the last publication.
-    changed_rows: Vec<u32>,
-    changed_bricks: Vec<u32>,
+    pub(super) changed_rows: Vec<u32>,
+    pub(super) changed_bricks: Vec<u32>,
     /// Idle steps since the last frame.
-    idle_steps: u32,
+    pub(super) idle_steps: u32,
 }
 
 impl Mapper {
@@ -300,6 +300,7 @@ impl Mapper {
         if self.key_frames.is_empty() || self.config.steps_per_frame == 0 {
             return false;
         }
+        let before = self.idle_steps;
         while self.idle_steps < IDLE_STEPS && start.elapsed() < budget {
             let selection = (self.stats.epoch as u32).wrapping_add(self.idle_steps);
             let window = self.key_frames.select_idle(selection);
@@ -310,15 +311,12 @@ impl Mapper {
             }
             self.idle_steps += 1;
         }
-        if self.idle_steps > 0 {
+        if self.idle_steps > before {
             self.stats.epoch += 1;
         }
         self.idle_steps < IDLE_STEPS
     }
 
-    pub fn debug_label(&self, p: glam::Vec3) -> Option<(f32, glam::Vec3)> {
-        self.surface.label(&self.topology, p)
-    }
     /// Counters and sizes.
     pub fn stats(&self) -> MapStats {
         MapStats {

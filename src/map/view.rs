@@ -174,6 +174,7 @@ impl MapView {
             if page.log2_size[i] == u8::MAX
                 || corners[0] == NO_ROW
                 || page.children[i] & 0xff == 0xff
+                || (1u64 << page.log2_size[i]) as f32 * store.unit_m > 1.01 * self.config.r0_m
             {
                 continue;
             }

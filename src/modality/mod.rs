@@ -12,10 +12,14 @@ pub mod losses;
 pub mod occupancy;
 pub mod read;
 pub mod sdf;
+#[cfg(test)]
+#[path = "../../tests/support/tree.rs"]
+pub(crate) mod test_tree;
 
 use decoder::Decoder;
 
 use crate::octree::Explicit;
+
 /// Numbers of a residual feature.
 pub const SDF_FEATURES: usize = 16;
 /// Numbers of an occupancy feature.

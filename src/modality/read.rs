@@ -388,7 +388,7 @@ impl Kernel for Chain<'_> {
 mod tests {
     use super::*;
     use crate::geometry::random::{pcg4d, unit};
-    use crate::test_tree::Tree;
+    use crate::modality::test_tree::Tree;
 
     fn random(stream: u32, i: usize) -> f32 {
         2.0 * unit(pcg4d([21, stream, 0, i as u32])[0]) - 1.0

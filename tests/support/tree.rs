@@ -15,11 +15,11 @@ pub(crate) struct Tree {
     children: Vec<ChildLink>,
     corners: Vec<[u32; 8]>,
     /// World position of each row, m.
-    pub positions: Vec<Vec3>,
+    pub(crate) positions: Vec<Vec3>,
     /// Prior, or prior plus learned, as the test likes.
-    pub explicit: Vec<Explicit>,
-    pub sdf_features: Vec<Feature>,
-    pub occupancy_features: Vec<[f32; 8]>,
+    pub(crate) explicit: Vec<Explicit>,
+    pub(crate) sdf_features: Vec<Feature>,
+    pub(crate) occupancy_features: Vec<[f32; 8]>,
 }
 
 /// A feature on its own cache line.

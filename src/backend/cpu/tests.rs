@@ -11,7 +11,7 @@ use crate::config::{MapConfig, MapSettings, Profile};
 use crate::geometry::random::{pcg4d, unit};
 use crate::modality::losses::{LossWeights, Stencil};
 use crate::modality::read::{Answers, evaluate};
-use crate::test_tree::Tree;
+use crate::modality::test_tree::Tree;
 use crate::train::SampleKind;
 
 fn config(profile: Profile) -> MapConfig {

@@ -149,6 +149,6 @@ mod tests {
 
     #[test]
     fn light_is_encoded_as_srgb() {
-        assert_eq!([0.0, 0.214, 1.0].map(encode), [0, 128, 255]);
+        assert_eq!([0.0, 0.216, 1.0].map(encode), [0, 128, 255]);
     }
 }

@@ -106,7 +106,7 @@ fn a_field_on_the_lattice_makes_no_cracks_and_no_empty_triangles() {
     let mesh = extract(|p| p.abs().max_element() - 0.4, 10, 0.05);
     assert_watertight(&mesh);
     assert_outward(&mesh);
-    let mesh = extract(|p| p.abs().element_sum() - 0.6, 10, 0.05);
+    let mesh = extract(|p| (p.abs().element_sum() - 0.6) * 0.577, 10, 0.05);
     assert_watertight(&mesh);
 }
 
@@ -152,6 +152,18 @@ fn a_jump_of_sign_is_no_surface() {
     let mesh = extract(panel, 4, 0.02);
     assert!(!mesh.triangles.is_empty());
     assert!(mesh.vertices.iter().all(|v| v.z.abs() < 0.021), "no wall at the rim");
+}
+
+#[test]
+fn a_steep_zero_is_no_surface_and_leaves_no_vertices() {
+    // Between two surfaces the interpolated sign flips over one voxel, at a slope of 2.
+    let mesh = extract(|p| if p.x < 0.0 { p.z - 0.013 } else { 1.9 * (p.z - 0.013) }, 4, 0.05);
+    assert!(!mesh.triangles.is_empty());
+    assert!(mesh.vertices.iter().all(|v| v.x < 0.051));
+    assert!(mesh.normals.iter().all(|n| n.is_normalized()));
+    let used: std::collections::BTreeSet<u32> = mesh.triangles.iter().flatten().copied().collect();
+    assert_eq!(used.len(), mesh.vertices.len());
+    assert_eq!(used.last(), Some(&(mesh.vertices.len() as u32 - 1)));
 }
 
 #[test]
