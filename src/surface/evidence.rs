@@ -44,6 +44,8 @@ pub struct Carved {
     pub suspects: Vec<CellAddress>,
     /// Bricks whose known mask changed.
     pub changed_bricks: Vec<u32>,
+    /// Bricks that a ray touched.
+    pub visited: Vec<u32>,
 }
 
 /// The grid, column by column: one entry a brick, or [`CELLS`] entries a brick.
@@ -61,6 +63,8 @@ pub struct Evidence {
     hit: Vec<u32>,
     /// First surfel of the cell.
     surfels: Vec<u32>,
+    /// Epoch that last touched the brick, while it is carved.
+    visited: Vec<u32>,
     index: FxHashMap<u64, u32>,
 }
 
@@ -86,6 +90,7 @@ impl Evidence {
             crossed: Vec::new(),
             hit: Vec::new(),
             surfels: Vec::new(),
+            visited: Vec::new(),
             index: FxHashMap::default(),
         }
     }
@@ -119,6 +124,7 @@ impl Evidence {
         self.crossed = state.crossed.into_owned();
         self.hit = state.hit.into_owned();
         self.surfels = state.surfels.into_owned();
+        self.visited = vec![0; bricks];
         let places = self.bricks.iter().enumerate();
         self.index = places.map(|(i, &b)| (pack(b), i as u32)).collect();
         Ok(self)
@@ -235,6 +241,7 @@ impl Evidence {
             return;
         }
         self.hit[i] = epoch;
+        self.visit(at.brick, epoch, carved);
         self.log_odds[i] = (self.log_odds[i] + 1).min(FLIP);
         if self.mark_known(at) {
             carved.changed_bricks.push(at.brick);
@@ -285,6 +292,7 @@ impl Evidence {
         }
         let first = self.crossed[i] == 0;
         self.crossed[i] = epoch;
+        self.visit(at.brick, epoch, carved);
         self.log_odds[i] = (self.log_odds[i] - 1).max(-FLIP);
         if self.mark_known(at) {
             carved.changed_bricks.push(at.brick);
@@ -294,6 +302,13 @@ impl Evidence {
         }
         if self.surfels[i] != NO_SURFEL {
             carved.suspects.push(at);
+        }
+    }
+
+    #[inline]
+    fn visit(&mut self, brick: u32, epoch: u32, carved: &mut Carved) {
+        if std::mem::replace(&mut self.visited[brick as usize], epoch) != epoch {
+            carved.visited.push(brick);
         }
     }
 
@@ -328,6 +343,7 @@ impl Evidence {
         if id == next {
             self.bricks.push(brick);
             self.known.push([0; 8]);
+            self.visited.push(0);
             let cells = self.bricks.len() * CELLS;
             self.log_odds.resize(cells, 0);
             self.crossed.resize(cells, 0);
