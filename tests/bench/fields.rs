@@ -1,4 +1,5 @@
 //! What training and reading the fields cost on the CPU, on one thread and on two.
+#![allow(clippy::print_stdout, reason = "a benchmark prints what it measures")]
 #![allow(clippy::expect_used, reason = "a benchmark reports by panicking")]
 
 use std::hint::black_box;
