@@ -64,7 +64,7 @@ impl Topology {
         }
     }
 
-    /// Everything that [`Topology::from_state`] needs to go on as if it had not stopped.
+    /// Everything that [`Topology::with_state`] needs to go on as if it had not stopped.
     pub fn state(&self) -> TopologyState<'_> {
         TopologyState {
             root: self.root,
