@@ -7,7 +7,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::radix::sort_by_key;
-use crate::backend::{Batch, SampleKind, StepParameters};
+use crate::backend::{Batch, StepParameters};
 use crate::modality::losses::{STENCIL_M, Stencil};
 use crate::octree::{Found, Lookup, NodeSource};
 
@@ -32,7 +32,7 @@ impl Site {
 /// How many samples pay each loss.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Counts {
-    /// By [`SampleKind`].
+    /// By sample kind.
     pub kinds: [usize; 3],
     /// Of them, with Eikonal.
     pub eikonal: [usize; 3],
@@ -87,11 +87,6 @@ impl Plan {
             self.order.extend(self.keys.iter().map(|(_, sample)| sample));
         }
     }
-}
-
-/// Which terms a kind of sample pays.
-pub(super) fn near_surface(kind: SampleKind) -> bool {
-    kind != SampleKind::Free
 }
 
 struct Locate<'a, N> {
