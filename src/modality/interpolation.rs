@@ -47,7 +47,7 @@ pub fn by_column(rows: [&Explicit; 8]) -> ExplicitCorners {
 impl Place {
     /// x − x_k by axis, m.
     #[inline(always)]
-    fn from_corners(&self) -> [Corners; 3] {
+    fn offsets_from_corners(&self) -> [Corners; 3] {
         let mut from = [[0.0; 8]; 3];
         for axis in 0..3 {
             for k in 0..8 {
@@ -123,7 +123,7 @@ impl Place {
     /// D_k + G_kᵀ(x − x_k).
     #[inline(always)]
     fn extrapolated(&self, explicit: &ExplicitCorners) -> Corners {
-        let from = self.from_corners();
+        let from = self.offsets_from_corners();
         let mut terms = explicit[0];
         for k in 0..8 {
             terms[k] += explicit[1][k] * from[0][k]
@@ -141,7 +141,7 @@ pub fn spread(
     by_distance: f32,
     by_explicit: &mut ExplicitCorners,
 ) {
-    let from = place.from_corners();
+    let from = place.offsets_from_corners();
     for k in 0..8 {
         let share = weights[k] * by_distance;
         by_explicit[0][k] += share;
