@@ -14,7 +14,6 @@
 //! - [`cli`]: one file a subcommand
 
 pub mod backend;
-#[allow(clippy::print_stdout, clippy::print_stderr, reason = "the command line prints")]
 pub mod cli;
 pub mod client;
 pub mod config;

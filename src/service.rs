@@ -19,7 +19,7 @@ use crate::engine::{
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::geometry::Aabb;
-use crate::map::{Fields, MapStats, PointAnswers};
+use crate::map::{Fields, MapStats, Mapper, PointAnswers};
 
 pub use counters::FrameCounts;
 use counters::{Counted, Counters};
@@ -77,8 +77,17 @@ impl Service {
     pub fn start(config: &ServerConfig, map: MapConfig) -> Result<(Arc<Self>, Engine)> {
         let store = config.storage.as_deref().map(prepare_storage).transpose()?;
         let mapper = match &store {
-            Some(path) => persist::load(path, map)?,
-            None => crate::map::Mapper::new(map)?,
+            Some(path) => {
+                let mapper = persist::load(path, map.clone())?;
+                if *mapper.config() != map {
+                    tracing::warn!(
+                        "{} keeps the settings that it was made with; [map] differs",
+                        path.display()
+                    );
+                }
+                mapper
+            }
+            None => Mapper::new(map)?,
         };
         let settings = EngineSettings {
             lane_frames: config.lane_frames,

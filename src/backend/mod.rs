@@ -5,55 +5,18 @@ pub mod cpu;
 
 use std::sync::Arc;
 
-use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 use crate::modality::losses::{LossWeights, Stencil};
-use crate::modality::{Decoders, Explicit, OCCUPANCY_FEATURES, SDF_FEATURES};
-use crate::octree::NodeSource;
+use crate::modality::{Decoders, OCCUPANCY_FEATURES, SDF_FEATURES};
+use crate::octree::{Explicit, NodeSource};
+use crate::train::Batch;
 
 pub use cpu::CpuBackend;
 
 /// Most samples of one step.
 pub const MAX_SAMPLES: usize = 1 << 22;
-
-/// Which part of a ray a training sample stands for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum SampleKind {
-    /// Stratified in free space between the camera and the surface.
-    Free = 0,
-    /// Perturbed around the surface.
-    Perturbed = 1,
-    /// On the surface.
-    Surface = 2,
-}
-
-/// The samples of one training step, column by column.
-#[derive(Debug, Clone, Default)]
-pub struct Batch {
-    /// World metres.
-    pub points: Vec<Vec3>,
-    pub kinds: Vec<SampleKind>,
-    /// Signed distance label, m.
-    pub distances: Vec<f32>,
-    /// Occupancy label: 0 free, 0.75 on the surface, 1 behind.
-    pub occupancies: Vec<f32>,
-    /// Whether the sample pays the Eikonal loss.
-    pub eikonal: Vec<bool>,
-}
-
-impl Batch {
-    /// Adds the samples of another batch behind these.
-    pub fn append(&mut self, mut other: Self) {
-        self.points.append(&mut other.points);
-        self.kinds.append(&mut other.kinds);
-        self.distances.append(&mut other.distances);
-        self.occupancies.append(&mut other.occupancies);
-        self.eikonal.append(&mut other.eikonal);
-    }
-}
 
 /// What the host owns and a step reads.
 pub struct Host<'a, N: NodeSource> {

@@ -18,6 +18,7 @@ use crate::config::{BackendChoice, MapConfig, MapSettings, Prior, Profile, Sched
 use crate::dataset::{self, Dataset, Format, FrameRange, Noise};
 use crate::error::{Error, Result};
 use crate::map::Mapper;
+use crate::storage;
 
 /// Map a recording into a file
 #[derive(Debug, Args)]
@@ -80,7 +81,7 @@ impl MapArgs {
         self.check_targets()?;
         check_backend(self.backend)?;
         let mut mapper = match &self.resume {
-            Some(checkpoint) => resume(checkpoint)?,
+            Some(checkpoint) => storage::load(checkpoint)?,
             None => Mapper::new(MapConfig::from_settings(&self.settings())?)?,
         };
         let dataset = dataset::open(&self.dataset, self.format)?;
@@ -100,7 +101,7 @@ impl MapArgs {
             println!("stopped by a signal before the first frame: nothing to save");
             return Ok(());
         }
-        save(&mapper, &self.out, self.compact)?;
+        storage::save(&mut mapper, &self.out, self.compact)?;
         if let Some(path) = &self.report {
             report::write(path, &report::report(data.name(), &mapper, &tally))?;
         }
@@ -192,17 +193,6 @@ fn integrate(
 }
 
 /// Writes the map, or with `compact` what serving needs of it.
-fn save(mapper: &Mapper, path: &Path, compact: bool) -> Result<()> {
-    let _ = (mapper, path, compact);
-    Err(Error::Internal("this build cannot save maps".into()))
-}
-
-/// A mapper as a checkpoint left it.
-fn resume(checkpoint: &Path) -> Result<Mapper> {
-    let _ = checkpoint;
-    Err(Error::Internal("this build cannot resume from a map".into()))
-}
-
 fn check_target(field: &str, path: &Path) -> Result<()> {
     let parent = path.parent().filter(|p| !p.as_os_str().is_empty());
     if path.is_dir() {

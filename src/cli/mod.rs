@@ -4,12 +4,15 @@
 //! stderr, in one line.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is the part that prints")]
 
+pub mod demo;
 pub mod eval;
 pub mod map;
 pub mod mesh;
 mod open;
 pub mod query;
+pub mod serve;
 pub mod slice;
+pub mod stream;
 
 use std::process::ExitCode;
 
@@ -26,19 +29,28 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Demo(demo::DemoArgs),
+    Serve(serve::ServeArgs),
+    Stream(stream::StreamArgs),
     Map(map::MapArgs),
     Eval(eval::EvalArgs),
     Query(query::QueryArgs),
+    Slice(slice::SliceArgs),
     Mesh(mesh::MeshArgs),
 }
 
 /// Parses the process's arguments and runs the subcommand. Wrong arguments end the process with
 /// code 2, as clap does.
 pub fn run() -> ExitCode {
+    crate::telemetry::log_to_stderr();
     let result = match Arguments::parse().command {
+        Command::Demo(arguments) => arguments.run(),
+        Command::Serve(arguments) => arguments.run(),
+        Command::Stream(arguments) => arguments.run(),
         Command::Map(arguments) => arguments.run(),
         Command::Eval(arguments) => arguments.run(),
         Command::Query(arguments) => arguments.run(),
+        Command::Slice(arguments) => arguments.run(),
         Command::Mesh(arguments) => arguments.run(),
     };
     match result {

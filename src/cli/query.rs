@@ -8,12 +8,15 @@ use std::sync::Arc;
 use clap::Args;
 use glam::Vec3;
 use rayon::ThreadPool;
+use tokio::runtime::Runtime;
 
-use super::open::{folder_of, is_url, open_view};
+use super::open::{is_url, open_view};
+use crate::client::Client;
 use crate::error::{Error, Result};
 use crate::map::{Fields, MapView, PointAnswers, State, query_parallel, query_pool};
 use crate::numpy::{ArchiveWriter, ArrayReader, Element, write_values};
-use crate::storage::write_file;
+use crate::service::DEFAULT_MAP;
+use crate::storage::{folder_of, write_file};
 
 /// Points in memory at a time, whatever the size of the file.
 const PIECE_POINTS: usize = 1 << 17;
@@ -49,7 +52,7 @@ impl QueryArgs {
             _ => {
                 let answers = source.answer(&self.points)?;
                 for (i, point) in self.points.iter().enumerate() {
-                    writeln!(std::io::stdout(), "{}", describe(*point, &answers, i))?;
+                    println!("{}", describe(*point, &answers, i));
                 }
             }
         }
@@ -60,12 +63,18 @@ impl QueryArgs {
 /// Who answers.
 enum Source {
     View { view: Arc<MapView>, pool: ThreadPool },
+    Server { client: Client, runtime: Runtime },
 }
 
 impl Source {
     fn open(map: &str) -> Result<Self> {
         if is_url(map) {
-            return Err(Error::invalid("map", format!("{map}: servers cannot be asked yet")));
+            let runtime = tokio::runtime::Builder::new_current_thread()
+                .enable_all()
+                .build()
+                .map_err(|e| Error::Internal(format!("cannot start a runtime: {e}")))?;
+            let client = runtime.block_on(Client::connect(map))?;
+            return Ok(Self::Server { client, runtime });
         }
         Ok(Self::View { view: open_view(Path::new(map))?, pool: query_pool(0)? })
     }
@@ -75,6 +84,11 @@ impl Source {
             Self::View { view, pool } => {
                 let query = |points: &[Vec3], fields| view.query(points, fields);
                 Ok(query_parallel(&query, points, Fields::ALL, pool))
+            }
+            // Each piece is answered by the newest epoch.
+            Self::Server { client, runtime } => {
+                let question = client.query_points(DEFAULT_MAP, points, Fields::ALL, 0);
+                Ok(runtime.block_on(question)?.answers)
             }
         }
     }

@@ -1,5 +1,7 @@
 //! A gRPC client: what the demo robot, `orenx stream` and `orenx query URL` speak through.
 
+mod stream;
+
 use std::time::Duration;
 
 use glam::Vec3;
@@ -17,6 +19,8 @@ use crate::wire::{
     MAX_MESSAGE_BYTES, PointsQuestion, error_from_status, map_list_from_wire, map_stats_from_wire,
     points_question_to_wire, v1,
 };
+
+pub use stream::{Pace, StreamReport, load_ahead, send};
 
 /// How long a connection may take to be made.
 const CONNECT: Duration = Duration::from_secs(10);

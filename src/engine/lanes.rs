@@ -149,3 +149,147 @@ impl Lanes {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::{Arc, Mutex};
+
+    use super::*;
+    use crate::engine::FrameSink;
+    use crate::frame::DepthImage;
+    use crate::geometry::{Intrinsics, Pose};
+
+    /// What became of frames, by sequence number.
+    type News = Arc<Mutex<Vec<(u64, String)>>>;
+
+    struct Recorder(u64, News);
+
+    impl FrameSink for Recorder {
+        fn accepted(&mut self, queue: Queue) {
+            self.note(format!("waits {}/{}", queue.waiting, queue.capacity));
+        }
+
+        fn settle(self: Box<Self>, verdict: Verdict) {
+            self.note(match verdict {
+                Verdict::Integrated { .. } => "integrated".into(),
+                Verdict::Dropped(reason) => reason.name().into(),
+                Verdict::Rejected(error) => error.to_string(),
+            });
+        }
+    }
+
+    impl Recorder {
+        fn note(&self, what: String) {
+            self.1.lock().expect("not poisoned").push((self.0, what));
+        }
+    }
+
+    /// A frame of 100 pixels, 400 bytes.
+    fn job(news: &News, sensor: &str, seq: u64) -> Job {
+        let (width, height) = (10, 10);
+        let frame = Frame {
+            robot_id: "robot".into(),
+            sensor_id: sensor.into(),
+            seq,
+            stamp_ns: 0,
+            world_from_camera: Pose::IDENTITY,
+            intrinsics: Intrinsics { fx: 10.0, fy: 10.0, cx: 5.0, cy: 5.0, width, height },
+            depth: DepthImage { width, height, metres: vec![1.0; 100] },
+            color: None,
+        };
+        Job { frame, ticket: Ticket::new(Box::new(Recorder(seq, news.clone()))) }
+    }
+
+    fn lanes(lane_frames: usize, lanes: usize, queued_bytes: usize) -> Lanes {
+        Lanes::new(&EngineSettings {
+            lane_frames,
+            lanes,
+            queued_bytes,
+            publish_interval: std::time::Duration::ZERO,
+            store: None,
+        })
+    }
+
+    fn told(news: &News) -> Vec<(u64, String)> {
+        std::mem::take(&mut *news.lock().expect("not poisoned"))
+    }
+
+    fn note(seq: u64, what: &str) -> (u64, String) {
+        (seq, what.to_owned())
+    }
+
+    #[test]
+    fn the_oldest_frame_of_a_full_lane_gives_way() {
+        let (news, mut lanes) = (News::default(), lanes(2, 4, 10_000));
+        for seq in 1..=3 {
+            assert!(lanes.push(job(&news, "a", seq), QueuePolicy::Latest).is_none());
+        }
+        let expected =
+            [note(1, "waits 1/2"), note(2, "waits 2/2"), note(1, "replaced"), note(3, "waits 2/2")];
+        assert_eq!(told(&news), expected);
+        let order: Vec<u64> = std::iter::from_fn(|| lanes.pop()).map(|j| j.frame.seq).collect();
+        assert_eq!(order, [2, 3]);
+        assert_eq!(lanes.bytes, 0);
+    }
+
+    #[test]
+    fn a_sender_that_may_not_lose_frames_waits() {
+        let (news, mut lanes) = (News::default(), lanes(1, 4, 10_000));
+        assert!(lanes.push(job(&news, "a", 1), QueuePolicy::Block).is_none());
+        let back = lanes.push(job(&news, "a", 2), QueuePolicy::Block).expect("no room");
+        assert_eq!(lanes.pop().expect("the first").frame.seq, 1);
+        assert!(lanes.push(back, QueuePolicy::Block).is_none());
+        assert_eq!(lanes.pop().expect("the second").frame.seq, 2);
+    }
+
+    #[test]
+    fn sensors_take_turns() {
+        let (news, mut lanes) = (News::default(), lanes(4, 4, 10_000));
+        for (sensor, seq) in [("a", 1), ("a", 2), ("a", 3), ("b", 4), ("c", 5), ("b", 6)] {
+            assert!(lanes.push(job(&news, sensor, seq), QueuePolicy::Latest).is_none());
+        }
+        let order: Vec<u64> = std::iter::from_fn(|| lanes.pop()).map(|j| j.frame.seq).collect();
+        assert_eq!(order, [1, 4, 5, 2, 6, 3]);
+    }
+
+    #[test]
+    fn sensors_and_bytes_are_bounded_and_the_bound_is_named() {
+        let (news, mut lanes) = (News::default(), lanes(2, 2, 900));
+        assert!(lanes.push(job(&news, "a", 1), QueuePolicy::Latest).is_none());
+        assert!(lanes.push(job(&news, "b", 2), QueuePolicy::Latest).is_none());
+        told(&news);
+        // A third sensor, while both lanes are in use.
+        assert!(lanes.push(job(&news, "c", 3), QueuePolicy::Latest).is_none());
+        let (seq, refusal) = told(&news).remove(0);
+        assert!(seq == 3 && refusal.contains("server.lanes"), "{refusal}");
+        // Bytes for two frames: a sensor's own oldest frame makes room.
+        assert!(lanes.push(job(&news, "a", 4), QueuePolicy::Latest).is_none());
+        assert_eq!(told(&news)[0], note(1, "replaced"));
+        // The lane of "a" is idle: a third sensor takes it over.
+        assert_eq!(lanes.pop().expect("first").frame.seq, 4);
+        assert!(lanes.push(job(&news, "c", 5), QueuePolicy::Latest).is_none());
+        told(&news);
+        // Nothing of a new sensor's own could make room.
+        assert_eq!(lanes.pop().expect("of the other lane").frame.seq, 2);
+        assert!(lanes.push(job(&news, "c", 6), QueuePolicy::Latest).is_none());
+        told(&news);
+        assert!(lanes.push(job(&news, "d", 7), QueuePolicy::Latest).is_none());
+        let (seq, refusal) = told(&news).remove(0);
+        assert!(seq == 7 && refusal.contains("server.queued_mib"), "{refusal}");
+    }
+
+    #[test]
+    fn a_frame_that_is_lost_is_still_settled_once() {
+        let news = News::default();
+        drop(job(&news, "a", 1));
+        assert_eq!(told(&news), [note(1, "abandoned")]);
+        let job = job(&news, "a", 2);
+        let lost = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            let _held = job;
+            panic!("expected by this test");
+        }));
+        assert!(lost.is_err());
+        let (seq, refusal) = told(&news).remove(0);
+        assert!(seq == 2 && refusal.contains("the mapper failed"), "{refusal}");
+    }
+}

@@ -5,20 +5,13 @@ use std::path::Path;
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::map::Mapper;
+use crate::storage;
 
 /// The mapper of the file at `path`, or an empty one with `config` if there is no file.
 pub fn load(path: &Path, config: MapConfig) -> Result<Mapper> {
     match path.try_exists() {
         Ok(false) => Mapper::new(config),
-        Ok(true) => Err(Error::FailedPrecondition(format!(
-            "{}: this build cannot read maps",
-            path.display()
-        ))),
+        Ok(true) => storage::load(path),
         Err(source) => Err(Error::io(path, source)),
     }
-}
-
-/// Writes the map to `path`.
-pub(super) fn save(_mapper: &Mapper, path: &Path) -> Result<()> {
-    Err(Error::FailedPrecondition(format!("{}: this build cannot write maps", path.display())))
 }

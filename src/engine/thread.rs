@@ -5,12 +5,13 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use super::EngineSettings;
 use super::handle::{Event, Handle, Published, Shared};
 use super::lanes::Job;
 use super::verdict::{Reason, Ticket, Verdict};
-use super::{EngineSettings, persist};
 use crate::error::{Error, Result};
 use crate::map::Mapper;
+use crate::storage;
 
 /// How long a slice of idle refinement may keep a new frame waiting.
 const REFINE_SLICE: Duration = Duration::from_millis(10);
@@ -171,9 +172,9 @@ impl Owner {
         }
     }
 
-    fn save(&self) -> Result<()> {
+    fn save(&mut self) -> Result<()> {
         match &self.settings.store {
-            Some(path) => persist::save(&self.mapper, path),
+            Some(path) => storage::save(&mut self.mapper, path, false),
             None => Ok(()),
         }
     }

@@ -6,12 +6,20 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::view::{BRICKS, MapView, NODES, ROWS, Store};
-use crate::config::MapConfig;
+use crate::backend::{Backend, CpuBackend, Host, StepParameters};
+use crate::config::{MapConfig, Prior};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::geometry::Aabb;
-use crate::octree::{NO_NODE, NodeSource, Topology};
-use crate::surface::{Lattice, Surface, SurfaceChange};
+use crate::modality::losses::{LossWeights, Stencil};
+use crate::octree::{Explicit, NO_NODE, NodeSource, Topology};
+use crate::surface::{Lattice, Surface};
+use crate::train::{KeyFrame, KeyFrames, RayPlan, Schedule, sample};
+
+/// Sign consistency joins the losses after this many frames (algorithms.md §8).
+const CONSISTENCY_FROM_FRAME: u64 = 50;
+/// Refinement steps after the last frame, at a falling rate.
+const IDLE_STEPS: u32 = 300;
 
 /// What a frame did to the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,15 +56,25 @@ pub struct MapStats {
 
 /// Owns the map and its backend; used by one thread.
 pub struct Mapper {
-    config: Arc<MapConfig>,
-    pool: rayon::ThreadPool,
-    topology: Topology,
-    surface: Surface,
-    store: Store,
-    stats: MapStats,
-    newest_stamp_ns: i64,
-    changed_rows: Vec<u32>,
-    changed_bricks: Vec<u32>,
+    pub(super) config: Arc<MapConfig>,
+    pub(super) pool: Arc<rayon::ThreadPool>,
+    pub(super) topology: Topology,
+    pub(super) surface: Surface,
+    pub(super) key_frames: KeyFrames,
+    pub(super) schedule: Schedule,
+    pub(super) backend: Box<dyn Backend<Topology>>,
+    /// What the backend learned for (d, g), by row, as of the last publication.
+    pub(super) learned: Vec<Explicit>,
+    /// What the backend takes for the prior under [`Prior::Learned`]: zeros.
+    pub(super) no_prior: Vec<Explicit>,
+    pub(super) store: Store,
+    pub(super) stats: MapStats,
+    pub(super) newest_stamp_ns: i64,
+    /// Rows whose prior changed, and bricks, since the last publication.
+    pub(super) changed_rows: Vec<u32>,
+    pub(super) changed_bricks: Vec<u32>,
+    /// Idle steps since the last frame.
+    pub(super) idle_steps: u32,
 }
 
 impl Mapper {
@@ -67,6 +85,7 @@ impl Mapper {
             .thread_name(|i| format!("orenx-train-{i}"))
             .build()
             .map_err(|e| Error::Internal(format!("cannot start trainer threads: {e}")))?;
+        let pool = Arc::new(pool);
         let surface = Surface::new(&config);
         let store = Store {
             unit_m: lattice.unit_m,
@@ -77,8 +96,14 @@ impl Mapper {
             topology: Topology::new(lattice.unit_m, lattice.brick, usize::MAX),
             surface,
             store,
+            key_frames: KeyFrames::new(&config),
+            schedule: Schedule::new(&config),
+            backend: Box::new(CpuBackend::new(&config, pool.clone())?),
+            learned: Vec::new(),
+            no_prior: Vec::new(),
             pool,
             config: Arc::new(config),
+            idle_steps: 0,
             stats: MapStats::default(),
             newest_stamp_ns: 0,
             changed_rows: Vec::new(),
@@ -98,41 +123,147 @@ impl Mapper {
         let valid_pixels = frame.depth.valid_pixels() as u32;
         self.stats.epoch += 1;
         self.stats.frames += 1;
-        let epoch = self.stats.epoch;
         self.newest_stamp_ns = self.newest_stamp_ns.max(frame.stamp_ns);
-        let change = self.surface.integrate(frame, 0, epoch as u32, &mut self.topology, &self.pool);
-        self.remember(change);
-        self.stats.stages_ms = vec![("allocate".to_owned(), start.elapsed().as_secs_f32() * 1e3)];
-        Ok(FrameOutcome { epoch, valid_pixels, steps: 0 })
+        self.stats.stages_ms.clear();
+        self.idle_steps = 0;
+        let mut steps = 0;
+        if valid_pixels == 0 {
+            self.stats.frames_empty += 1;
+        } else {
+            let view = self.allocate(frame);
+            self.stage("allocate", start);
+            steps = self.train_on(&view, start)?;
+        }
+        Ok(FrameOutcome { epoch: self.stats.epoch, valid_pixels, steps })
     }
 
-    fn remember(&mut self, change: SurfaceChange) {
+    /// Surfels, evidence, voxels and prior; returns what training keeps of the frame.
+    fn allocate(&mut self, frame: &Frame) -> KeyFrame {
+        let epoch = self.stats.epoch as u32;
+        let change = self.surface.integrate(frame, 0, epoch, &mut self.topology, &self.pool);
+        self.backend.resize(self.topology.rows());
+        self.backend.reset(&change.prior.voided);
         self.changed_rows.extend(change.prior.rows);
         self.changed_bricks.extend(change.changed_bricks);
+        if self.config.prior == Prior::Learned {
+            self.no_prior.resize(self.topology.rows(), [0.0; 4]);
+        }
+        KeyFrame::new(frame, self.config.key_frame_pixels as usize, self.config.r0_m)
+    }
+
+    fn train_on(&mut self, view: &KeyFrame, start: Instant) -> Result<u32> {
+        let pace = self.schedule.pace(start.elapsed());
+        if pace.steps == 0 {
+            self.key_frames.offer(view);
+            return Ok(0);
+        }
+        let window = self.key_frames.select(view, self.stats.epoch as u32);
+        for _ in 0..pace.steps {
+            let begin = Instant::now();
+            self.step(&window, Some(view), pace.rays, 1.0)?;
+            self.schedule.learn(pace.rays, begin.elapsed());
+        }
+        self.key_frames.offer(view);
+        Ok(pace.steps)
+    }
+
+    /// One training step on rays of key frames and, if given, of the current view.
+    fn step(
+        &mut self,
+        window: &[u32],
+        view: Option<&KeyFrame>,
+        rays: u32,
+        rate: f32,
+    ) -> Result<()> {
+        let labels = Instant::now();
+        let held = window.iter().filter_map(|&id| self.key_frames.get(id));
+        let frames: Vec<&KeyFrame> = held.chain(view).collect();
+        let plan = RayPlan {
+            rays,
+            seed: self.config.seed,
+            step: self.stats.steps as u32,
+            eikonal_share: self.config.eikonal_share,
+        };
+        let batch = sample(&plan, &frames, &self.topology, &self.surface, &self.pool);
+        self.stage("labels", labels);
+        let train = Instant::now();
+        let closed = self.config.prior == Prior::Closed;
+        let prior = if closed { self.surface.prior.values() } else { &self.no_prior[..] };
+        let host = Host { nodes: &self.topology, prior };
+        let report = self.backend.step(&host, &batch, &self.parameters(rate))?;
+        self.stats.steps += 1;
+        self.stats.losses =
+            report.losses.named().map(|(name, loss)| (name.to_owned(), loss as f32)).to_vec();
+        self.stage("train", train);
+        Ok(())
+    }
+
+    fn parameters(&self, rate: f32) -> StepParameters {
+        let mut weights = LossWeights::default();
+        if self.stats.frames <= CONSISTENCY_FROM_FRAME {
+            weights.consistency = 0.0;
+        }
+        let full = self.config.eikonal_share >= 1.0;
+        StepParameters {
+            rate: self.config.learning_rate * rate,
+            occupancy_rate: self.config.occupancy_learning_rate * rate,
+            decoder_rate: self.config.decoder_learning_rate * rate,
+            stencil: if full { Stencil::Central } else { Stencil::Forward },
+            weights,
+        }
+    }
+
+    /// Adds the time since `start` to a stage of the frame.
+    fn stage(&mut self, name: &str, start: Instant) {
+        let took = start.elapsed().as_secs_f32() * 1e3;
+        match self.stats.stages_ms.iter_mut().find(|(n, _)| n == name) {
+            Some((_, sum)) => *sum += took,
+            None => self.stats.stages_ms.push((name.to_owned(), took)),
+        }
     }
 
     /// Publishes everything integrated so far as a new immutable view.
     pub fn publish(&mut self) -> Arc<MapView> {
         let start = Instant::now();
         self.write_nodes();
-        let rows = std::mem::take(&mut self.changed_rows);
-        self.store.rows.grow(self.topology.rows().div_ceil(ROWS));
-        for row in rows {
-            let page = self.store.rows.write(row as usize / ROWS);
-            page.explicit[row as usize % ROWS] = self.surface.prior.values()[row as usize];
-        }
+        self.write_rows();
         self.store.bricks.grow(self.surface.evidence.bricks().div_ceil(BRICKS));
         for brick in std::mem::take(&mut self.changed_bricks) {
             let page = self.store.bricks.write(brick as usize / BRICKS);
             page.known[brick as usize % BRICKS] = *self.surface.evidence.known(brick);
         }
-        self.stats.stages_ms.push(("publish".to_owned(), start.elapsed().as_secs_f32() * 1e3));
+        self.stage("publish", start);
         Arc::new(MapView {
             epoch: self.stats.epoch,
             newest_stamp_ns: self.newest_stamp_ns,
             config: self.config.clone(),
+            decoders: self.backend.decoders(),
             store: self.store.clone(),
         })
+    }
+
+    /// Brings the view's rows up to date: prior plus what the backend learned.
+    fn write_rows(&mut self) {
+        let rows = self.topology.rows();
+        self.store.rows.grow(rows.div_ceil(ROWS));
+        self.learned.resize(rows, [0.0; 4]);
+        let closed = self.config.prior == Prior::Closed;
+        let prior = if closed { self.surface.prior.values() } else { &self.no_prior[..] };
+        let (pages, learned) = (&mut self.store.rows, &mut self.learned);
+        let explicit = |row: u32, learned: &Explicit| {
+            std::array::from_fn(|i| prior[row as usize][i] + learned[i])
+        };
+        self.backend.read_changed(&mut |row, values| {
+            let (page, i) = (pages.write(row as usize / ROWS), row as usize % ROWS);
+            page.feature[i] = values.sdf_feature;
+            page.occupancy[i] = values.occupancy_feature;
+            page.explicit[i] = explicit(row, &values.explicit);
+            learned[row as usize] = values.explicit;
+        });
+        for row in std::mem::take(&mut self.changed_rows) {
+            let page = pages.write(row as usize / ROWS);
+            page.explicit[row as usize % ROWS] = explicit(row, &learned[row as usize]);
+        }
     }
 
     fn write_nodes(&mut self) {
@@ -165,13 +296,27 @@ impl Mapper {
     /// Refines from key frames when no frame waits, for about `budget`. Returns whether more
     /// refinement is worth doing.
     pub fn refine(&mut self, budget: Duration) -> bool {
-        let _ = budget;
-        false
+        let start = Instant::now();
+        if self.key_frames.is_empty() || self.config.steps_per_frame == 0 {
+            return false;
+        }
+        let before = self.idle_steps;
+        while self.idle_steps < IDLE_STEPS && start.elapsed() < budget {
+            let selection = (self.stats.epoch as u32).wrapping_add(self.idle_steps);
+            let window = self.key_frames.select_idle(selection);
+            let rate = 1.0 - self.idle_steps as f32 / IDLE_STEPS as f32;
+            if let Err(error) = self.step(&window, None, self.config.rays_per_step, rate) {
+                tracing::error!(%error, "idle refinement stopped");
+                return false;
+            }
+            self.idle_steps += 1;
+        }
+        if self.idle_steps > before {
+            self.stats.epoch += 1;
+        }
+        self.idle_steps < IDLE_STEPS
     }
 
-    pub fn debug_label(&self, p: glam::Vec3) -> Option<(f32, glam::Vec3)> {
-        self.surface.label(&self.topology, p)
-    }
     /// Counters and sizes.
     pub fn stats(&self) -> MapStats {
         MapStats {
@@ -179,7 +324,11 @@ impl Mapper {
             rows: self.topology.rows() as u64,
             surfels: self.surface.surfels.len() as u64,
             voxels_refused: self.topology.refused(),
-            map_bytes: self.topology.bytes() + self.surface.bytes(),
+            key_frames: self.key_frames.len() as u64,
+            map_bytes: self.topology.bytes()
+                + self.surface.bytes()
+                + self.key_frames.bytes()
+                + self.backend.memory_bytes(),
             ..self.stats.clone()
         }
     }

@@ -6,6 +6,7 @@ mod pages;
 mod parallel;
 mod query;
 mod slice;
+mod state;
 mod view;
 
 pub use mapper::{FrameOutcome, MapStats, Mapper};
@@ -13,4 +14,5 @@ pub use mesh::{TriangleMesh, default_resolution_m, extract_mesh};
 pub use parallel::{CHUNK_POINTS, PointQuery, query_parallel, query_pool};
 pub use query::{Fields, PointAnswers, State};
 pub use slice::{Plane, Slice, draw_slice, slice};
+pub use state::{MapperState, Progress, ViewRecord, ViewState};
 pub use view::MapView;

@@ -26,6 +26,11 @@ impl<P: Clone + Default> PageTable<P> {
         &self.blocks[index / BLOCK][index % BLOCK]
     }
 
+    /// All pages in order.
+    pub(super) fn pages(&self) -> impl Iterator<Item = &P> {
+        self.blocks.iter().flat_map(|block| block.iter().map(|page| &**page))
+    }
+
     /// Adds empty pages until there are `pages`.
     pub(super) fn grow(&mut self, pages: usize) {
         while self.pages < pages {

@@ -3,8 +3,8 @@
 use glam::Vec3;
 
 use super::view::MapView;
-use crate::modality::RowSource;
-use crate::octree::{NodeSource, locate};
+use crate::config::Prior;
+use crate::modality::read::{Answers, evaluate};
 use crate::surface::NEAR_M;
 
 /// What a query asks for.
@@ -51,48 +51,36 @@ impl MapView {
     /// finite are unknown.
     pub fn query(&self, points: &[Vec3], fields: Fields) -> PointAnswers {
         let n = points.len();
-        let mut answers = PointAnswers {
-            distance: vec![f32::NAN; if fields.distance { n } else { 0 }],
-            gradient: vec![Vec3::NAN; if fields.gradient { n } else { 0 }],
-            occupancy: vec![f32::NAN; if fields.occupancy { n } else { 0 }],
-            state: vec![State::Unknown as u8; if fields.state { n } else { 0 }],
-        };
-        let store = &self.store;
+        let wanted = |on: bool| if on { n } else { 0 };
+        // What is known depends on the distance.
+        let mut distance = vec![f32::NAN; n];
+        let mut gradient = vec![Vec3::NAN; wanted(fields.gradient)];
+        let mut occupancy = vec![f32::NAN; wanted(fields.occupancy)];
+        let mut state = vec![State::Unknown as u8; wanted(fields.state)];
+        let answers =
+            Answers { distance: &mut distance, gradient: &mut gradient, occupancy: &mut occupancy };
+        evaluate(&self.store, &self.decoders, points, answers);
+        let near_counts = self.config.prior == Prior::Closed;
         for (i, &point) in points.iter().enumerate() {
-            let Some(at) = locate(store, point) else { continue };
-            let corners = store.corners(at.node);
-            let local = (point - at.min_m) / at.size_m;
-            let (mut d, mut g) = (0.0, Vec3::ZERO);
-            for (k, &row) in corners.iter().enumerate() {
-                let e = store.explicit(row);
-                let bit = Vec3::new((k & 1) as f32, (k >> 1 & 1) as f32, (k >> 2) as f32);
-                let w = Vec3::ONE - (local - bit).abs();
-                let s = bit * 2.0 - Vec3::ONE;
-                let gk = Vec3::new(e[1], e[2], e[3]);
-                let v = e[0] + gk.dot((local - bit) * at.size_m);
-                let weight = w.x * w.y * w.z;
-                d += weight * v;
-                g += gk * weight
-                    + Vec3::new(s.x * w.y * w.z, w.x * s.y * w.z, w.x * w.y * s.z)
-                        * (v / at.size_m);
-            }
-            let known = d.abs() <= NEAR_M || store.is_known(&at, point);
-            if !known {
+            let d = distance[i];
+            if d.is_nan() {
                 continue;
             }
-            if fields.distance {
-                answers.distance[i] = d;
+            if (near_counts && d.abs() <= NEAR_M) || self.store.is_known(point) {
+                if fields.state {
+                    state[i] = if d < 0.0 { State::Occupied } else { State::Free } as u8;
+                }
+                continue;
             }
+            distance[i] = f32::NAN;
             if fields.gradient {
-                answers.gradient[i] = g;
+                gradient[i] = Vec3::NAN;
             }
             if fields.occupancy {
-                answers.occupancy[i] = 1.0 / (1.0 + (d * 40.0).exp());
-            }
-            if fields.state {
-                answers.state[i] = if d < 0.0 { State::Occupied } else { State::Free } as u8;
+                occupancy[i] = f32::NAN;
             }
         }
-        answers
+        distance.truncate(wanted(fields.distance));
+        PointAnswers { distance, gradient, occupancy, state }
     }
 }

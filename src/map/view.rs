@@ -7,8 +7,8 @@ use glam::Vec3;
 use super::pages::PageTable;
 use crate::config::MapConfig;
 use crate::geometry::Aabb;
-use crate::modality::{Explicit, RowSource};
-use crate::octree::{ChildLink, Located, NO_NODE, NO_ROW, NodeSource, Root};
+use crate::modality::{Decoders, RowSource};
+use crate::octree::{ChildLink, Explicit, NO_NODE, NO_ROW, NodeSource, Root, locate};
 use crate::surface::{BRICK_CELLS, Known};
 
 pub(super) const NODES: usize = 256;
@@ -116,9 +116,10 @@ impl RowSource for Store {
 }
 
 impl Store {
-    /// Whether the evidence cell around a point of a located voxel was crossed or hit.
+    /// Whether the evidence cell around a point was crossed or hit.
     #[inline]
-    pub(super) fn is_known(&self, located: &Located, point: Vec3) -> bool {
+    pub(super) fn is_known(&self, point: Vec3) -> bool {
+        let Some(located) = locate(self, point) else { return false };
         let node = located.node as usize;
         let brick = self.nodes.page(node / NODES).brick[node % NODES];
         if brick == NO_NODE {
@@ -136,6 +137,7 @@ pub struct MapView {
     pub(super) epoch: u64,
     pub(super) newest_stamp_ns: i64,
     pub(super) config: Arc<MapConfig>,
+    pub(super) decoders: Arc<Decoders>,
     pub(super) store: Store,
 }
 
@@ -172,6 +174,7 @@ impl MapView {
             if page.log2_size[i] == u8::MAX
                 || corners[0] == NO_ROW
                 || page.children[i] & 0xff == 0xff
+                || (1u64 << page.log2_size[i]) as f32 * store.unit_m > 1.01 * self.config.r0_m
             {
                 continue;
             }

@@ -7,7 +7,7 @@
     reason = "lanes are indexed alike in every array of an expression"
 )]
 
-use super::Explicit;
+use crate::octree::Explicit;
 
 /// One number for each corner.
 pub type Corners = [f32; 8];

@@ -18,7 +18,7 @@ pub(crate) mod test_tree;
 
 use decoder::Decoder;
 
-pub use crate::octree::Explicit;
+use crate::octree::Explicit;
 
 /// Numbers of a residual feature.
 pub const SDF_FEATURES: usize = 16;

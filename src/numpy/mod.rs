@@ -4,8 +4,10 @@
 //! allocated on the word of a header, arrays stream in bounded pieces, and every defect is an
 //! error that names the file. Little-endian, C order, and the element types of [`Element`] only.
 
+mod element;
 mod npy;
 mod npz;
 
-pub use npy::{ArrayReader, Element, Value, write_array, write_header, write_values};
+pub use element::{Element, Value};
+pub use npy::{ArrayReader, write_array, write_header, write_values};
 pub use npz::{Archive, ArchiveWriter};

@@ -6,7 +6,8 @@ use zip::result::ZipError;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-use super::npy::{ArrayReader, Element, Value, write_header, write_values};
+use super::element::{Element, Value};
+use super::npy::{ArrayReader, write_header, write_values};
 use crate::error::{Error, Result};
 
 /// An `.npz` file that is read array by array.

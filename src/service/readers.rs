@@ -116,10 +116,16 @@ impl Line {
 
     fn serve(&self) {
         while let Some((question, chunk)) = self.take() {
-            let is_last = question.answer(chunk);
-            if is_last {
-                self.state().points -= question.points.len();
-            }
+            self.work(&question, chunk);
+        }
+    }
+
+    /// Evaluates a chunk; the last one gives the question's room back, then sends the answer.
+    fn work(&self, question: &Question, chunk: usize) {
+        let is_last = question.evaluate(chunk);
+        if is_last {
+            self.state().points -= question.points.len();
+            question.conclude();
         }
     }
 
@@ -182,9 +188,8 @@ impl Question {
         progress.taken - 1
     }
 
-    /// Evaluates one chunk, unless nobody waits for it; whether it was the last one. The last
-    /// sends the answer.
-    fn answer(&self, chunk: usize) -> bool {
+    /// Evaluates one chunk, unless nobody waits for it; whether it was the last one.
+    fn evaluate(&self, chunk: usize) -> bool {
         let mut answers = None;
         if !self.cancelled.load(Relaxed) {
             let end = self.points.len().min((chunk + 1) * CHUNK);
@@ -200,14 +205,16 @@ impl Question {
             }
             None => {}
         }
-        if progress.left > 0 {
-            return false;
-        }
+        progress.left == 0
+    }
+
+    /// Sends the answer, if every chunk has one.
+    fn conclude(&self) {
+        let mut progress = self.progress();
         let parts: Option<Vec<PointAnswers>> = progress.answered.drain(..).collect();
         if let Some(parts) = parts {
             progress.finish(Ok(concatenate(parts)));
         }
-        true
     }
 }
 
@@ -235,4 +242,80 @@ fn concatenate(parts: Vec<PointAnswers>) -> PointAnswers {
         whole.state.extend(part.state);
     }
     whole
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{MapConfig, MapSettings};
+    use crate::map::Mapper;
+
+    fn empty_view() -> Arc<MapView> {
+        let config = MapConfig::from_settings(&MapSettings::default()).expect("defaults");
+        Mapper::new(config).expect("an empty map").publish()
+    }
+
+    fn question(
+        view: &Arc<MapView>,
+        points: usize,
+    ) -> (Arc<Question>, oneshot::Receiver<Result<PointAnswers>>) {
+        let (done, answer) = oneshot::channel();
+        let points = vec![Vec3::ZERO; points];
+        (Arc::new(Question::new(view.clone(), points, Fields::ALL, done)), answer)
+    }
+
+    /// Readers without threads: the test takes their place.
+    fn readers(max_points: usize) -> Readers {
+        Readers::start(0, max_points).expect("no thread, no failure")
+    }
+
+    #[test]
+    fn a_large_question_lets_a_small_one_pass() {
+        let (view, readers) = (empty_view(), readers(1 << 20));
+        let (large, _) = question(&view, 10 * CHUNK);
+        let (small, mut answer) = question(&view, 2 * CHUNK - 1);
+        readers.enter(&large).expect("room");
+        readers.enter(&small).expect("room");
+        let mut chunks = 0;
+        while answer.try_recv().is_err() {
+            let (question, chunk) = readers.line.take().expect("open");
+            readers.line.work(&question, chunk);
+            chunks += 1;
+            assert!(chunks <= 4, "two chunks each, in turn");
+        }
+    }
+
+    #[test]
+    fn work_that_nobody_waits_for_is_skipped_and_its_room_given_back() {
+        let (view, readers) = (empty_view(), readers(1 << 20));
+        let (question, mut answer) = question(&view, 3 * CHUNK);
+        readers.enter(&question).expect("room");
+        drop(CancelOnDrop(&question));
+        for _ in 0..3 {
+            let (question, chunk) = readers.line.take().expect("open");
+            readers.line.work(&question, chunk);
+        }
+        assert_eq!(readers.line.state().points, 0);
+        assert!(answer.try_recv().is_err(), "nothing is sent");
+    }
+
+    #[test]
+    fn the_backlog_is_bounded_and_the_bound_is_named() {
+        let (view, readers) = (empty_view(), readers(CHUNK));
+        let (first, _first) = question(&view, BACKLOG * CHUNK);
+        readers.enter(&first).expect("as large as it may be");
+        let (second, _second) = question(&view, 1);
+        let error = readers.enter(&second).expect_err("full").to_string();
+        assert!(error.contains(&(BACKLOG * CHUNK).to_string()), "{error}");
+    }
+
+    #[tokio::test]
+    async fn threads_answer_and_end() {
+        let readers = Readers::start(2, 1 << 20).expect("threads");
+        let points = vec![Vec3::ZERO; 3 * CHUNK + 5];
+        let answers = readers.query(empty_view(), points, Fields::ALL).await.expect("an answer");
+        assert_eq!((answers.distance.len(), answers.state.len()), (3 * CHUNK + 5, 3 * CHUNK + 5));
+        assert_eq!(readers.line.state().points, 0, "their room is given back");
+        drop(readers);
+    }
 }

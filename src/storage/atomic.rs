@@ -11,24 +11,28 @@ const MAX_LEFTOVERS: u32 = 16;
 
 /// Writes `path` by way of a temporary file beside it, which takes its name once its bytes are on
 /// the disk. Readers see the old file or the new one; after a crash or an error the old one stands.
-pub fn write_file(
+pub fn write_file<T>(
     path: &Path,
-    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
-) -> Result<()> {
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<T>,
+) -> Result<T> {
     let name = path.file_name().ok_or_else(|| Error::invalid("path", "must name a file"))?;
-    let dir = match path.parent() {
-        Some(parent) if parent != Path::new("") => parent,
-        _ => Path::new("."),
-    };
+    let dir = folder_of(path);
     let (temporary, file) = create_beside(dir, &name.to_string_lossy())?;
-    let written = write_and_sync(file, write).and_then(|()| fs::rename(&temporary, path));
-    if let Err(source) = written {
-        // The first error is the one to tell; a temporary file that stays is stepped over.
-        let _ = fs::remove_file(&temporary);
-        return Err(Error::io(path, source));
-    }
+    let written = write_and_sync(file, write)
+        .and_then(|value| fs::rename(&temporary, path).map(|()| value))
+        .map_err(|source| {
+            // The first error is the one to tell; a temporary file that stays is stepped over.
+            let _ = fs::remove_file(&temporary);
+            Error::io(path, source)
+        })?;
     // The new name lives in the folder: without this a power cut may bring the old one back.
-    File::open(dir).and_then(|dir| dir.sync_all()).map_err(|source| Error::io(dir, source))
+    File::open(dir).and_then(|dir| dir.sync_all()).map_err(|source| Error::io(dir, source))?;
+    Ok(written)
+}
+
+/// The folder that a file is in.
+pub fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
 }
 
 fn create_beside(dir: &Path, name: &str) -> Result<(PathBuf, File)> {
@@ -46,14 +50,15 @@ fn create_beside(dir: &Path, name: &str) -> Result<(PathBuf, File)> {
     )))
 }
 
-fn write_and_sync(
+fn write_and_sync<T>(
     file: File,
-    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>,
-) -> io::Result<()> {
+    write: impl FnOnce(&mut BufWriter<File>) -> io::Result<T>,
+) -> io::Result<T> {
     let mut buffered = BufWriter::new(file);
-    write(&mut buffered)?;
+    let value = write(&mut buffered)?;
     buffered.flush()?;
-    buffered.get_ref().sync_all()
+    buffered.get_ref().sync_all()?;
+    Ok(value)
 }
 
 #[cfg(test)]
@@ -76,7 +81,7 @@ mod tests {
         write_file(&path, |out| out.write_all(b"old")).unwrap();
         let error = write_file(&path, |out| {
             out.write_all(b"half of the new")?;
-            Err(io::Error::other("disk full"))
+            Err::<(), _>(io::Error::other("disk full"))
         });
         assert!(error.unwrap_err().to_string().contains("disk full"));
         assert_eq!(fs::read(&path).unwrap(), b"old");

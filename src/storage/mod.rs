@@ -3,10 +3,12 @@
 //! No other room names the encoder of the sections.
 
 mod atomic;
+mod checkpoint;
 mod reader;
 mod sections;
 #[cfg(test)]
 mod tests;
 
-pub use atomic::write_file;
+pub use atomic::{folder_of, write_file};
+pub use checkpoint::{load, load_view, save};
 pub use sections::{Sections, Tag};

@@ -3,8 +3,8 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::batch::{Batch, SampleKind};
 use super::key_frame::KeyFrame;
-use crate::backend::{Batch, SampleKind};
 use crate::geometry::random::{normal, pcg4d, unit};
 use crate::octree::Topology;
 use crate::surface::Surface;

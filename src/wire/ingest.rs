@@ -152,3 +152,219 @@ fn reason_to_wire(reason: Reason) -> v1::FrameReason {
         Reason::Internal => v1::FrameReason::Internal,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use glam::{DQuat, DVec3};
+    use image::{DynamicImage, ImageFormat};
+    use proptest::prelude::*;
+    use prost::Message;
+
+    use super::*;
+    use crate::frame::{ColorImage, DepthImage};
+    use crate::geometry::{Intrinsics, Pose};
+
+    fn intrinsics(width: u32, height: u32) -> Intrinsics {
+        Intrinsics { fx: 50.5, fy: 51.25, cx: 3.0, cy: 2.5, width, height }
+    }
+
+    prop_compose! {
+        fn frames()(width in 1u32..12, height in 1u32..9)(
+            metres in prop::collection::vec(prop_oneof![Just(0.0f32), 0.01f32..10.0],
+                (width * height) as usize),
+            rgb in prop::option::of(prop::collection::vec(any::<u8>(), (width * height * 3) as usize)),
+            names in ("[a-z/]{1,20}", "[a-z0-9_]{1,20}"),
+            (seq, stamp_ns) in (any::<u64>(), any::<i64>()),
+            axis in prop::array::uniform3(-1.0f64..1.0),
+            angle in -3.0f64..3.0,
+            translation in prop::array::uniform3(-9000.0f64..9000.0),
+            (width, height) in (Just(width), Just(height)),
+        ) -> Frame {
+            let axis = (DVec3::from(axis) + DVec3::new(2.0, 0.0, 0.0)).normalize();
+            Frame {
+                robot_id: names.0.into(),
+                sensor_id: names.1.into(),
+                seq,
+                stamp_ns,
+                world_from_camera: Pose {
+                    rotation: DQuat::from_axis_angle(axis, angle),
+                    translation: translation.into(),
+                },
+                intrinsics: intrinsics(width, height),
+                depth: DepthImage { width, height, metres },
+                color: rgb.map(|rgb| ColorImage { width, height, rgb }),
+            }
+        }
+    }
+
+    /// Through bytes, as on the wire.
+    fn received(message: &v1::Frame) -> Result<IncomingFrame> {
+        let bytes = message.encode_to_vec();
+        IncomingFrame::try_from(v1::Frame::decode(bytes.as_slice()).expect("our own bytes"))
+    }
+
+    proptest! {
+        #[test]
+        fn a_frame_comes_back_as_it_was(frame in frames(), block in any::<bool>()) {
+            let policy = if block { QueuePolicy::Block } else { QueuePolicy::Latest };
+            let back = received(&frame_to_wire("default", &frame, policy)).expect("a good frame");
+            prop_assert_eq!((back.map_id.as_str(), back.policy), ("default", policy));
+            let got = back.frame;
+            prop_assert_eq!(
+                (&got.robot_id, &got.sensor_id, got.seq, got.stamp_ns),
+                (&frame.robot_id, &frame.sensor_id, frame.seq, frame.stamp_ns)
+            );
+            prop_assert_eq!(got.intrinsics, frame.intrinsics);
+            prop_assert_eq!(&got.depth, &frame.depth);
+            prop_assert_eq!(&got.color, &frame.color);
+            let (a, b) = (got.world_from_camera, frame.world_from_camera);
+            prop_assert_eq!(a.translation, b.translation);
+            // Reading normalises once more: rounding only.
+            prop_assert!((a.rotation - b.rotation).length() < 1e-12);
+        }
+
+        /// Raw u16 and PNG say the same depth.
+        #[test]
+        fn integer_depth_reads_alike_raw_and_compressed(
+            frame in frames(),
+            seed in any::<u16>(),
+            units in prop::sample::select(vec![1000.0f32, 5000.0, 256.0]),
+        ) {
+            let k = frame.intrinsics;
+            let raw: Vec<u16> =
+                (0..k.pixels()).map(|i| (i as u16).wrapping_mul(7919).wrapping_add(seed)).collect();
+            let mut message = frame_to_wire("default", &frame, QueuePolicy::Latest);
+            let depth = message.depth.get_or_insert_default();
+            depth.units_per_metre = units;
+            depth.set_encoding(v1::DepthEncoding::U16);
+            depth.data = raw.iter().flat_map(|d| d.to_le_bytes()).collect();
+            let plain = received(&message).expect("u16").frame.depth;
+            prop_assert_eq!(&plain, &DepthImage::from_u16(k.width, k.height, &raw, units));
+
+            let image = image::ImageBuffer::from_raw(k.width, k.height, raw).expect("its size");
+            let depth = message.depth.get_or_insert_default();
+            depth.set_encoding(v1::DepthEncoding::Png16);
+            depth.data = compressed(&DynamicImage::ImageLuma16(image), ImageFormat::Png);
+            prop_assert_eq!(&plain, &received(&message).expect("png").frame.depth);
+        }
+
+        /// Bytes of any kind are a message or an error, never a panic.
+        #[test]
+        fn noise_is_refused(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            if let Ok(message) = v1::Frame::decode(bytes.as_slice()) {
+                prop_assert!(IncomingFrame::try_from(message).is_err(), "noise is no frame");
+            }
+        }
+
+        /// A good message with damaged bytes is read or refused, never a panic, and what is read
+        /// still has the sizes that it claims.
+        #[test]
+        fn damaged_messages_do_no_harm(
+            frame in frames(),
+            damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4),
+            cut in any::<prop::sample::Index>(),
+            is_cut in any::<bool>(),
+        ) {
+            let mut bytes = frame_to_wire("default", &frame, QueuePolicy::Latest).encode_to_vec();
+            for (place, value) in damage {
+                let place = place.index(bytes.len());
+                bytes[place] = value;
+            }
+            if is_cut {
+                bytes.truncate(cut.index(bytes.len()));
+            }
+            if let Ok(message) = v1::Frame::decode(bytes.as_slice())
+                && let Ok(incoming) = IncomingFrame::try_from(message)
+            {
+                let frame = incoming.frame;
+                prop_assert_eq!(frame.depth.metres.len(), frame.intrinsics.pixels());
+            }
+        }
+    }
+
+    fn compressed(image: &DynamicImage, format: ImageFormat) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        image.write_to(&mut bytes, format).expect("memory");
+        bytes.into_inner()
+    }
+
+    fn grey_frame() -> Frame {
+        Frame {
+            robot_id: "robot".into(),
+            sensor_id: "camera".into(),
+            seq: 1,
+            stamp_ns: 2,
+            world_from_camera: Pose::IDENTITY,
+            intrinsics: intrinsics(8, 6),
+            depth: DepthImage { width: 8, height: 6, metres: vec![1.0; 48] },
+            color: None,
+        }
+    }
+
+    #[test]
+    fn color_comes_raw_or_compressed() {
+        let grey = image::RgbImage::from_pixel(8, 6, image::Rgb([128, 128, 128]));
+        for (encoding, data) in [
+            (v1::ColorEncoding::Rgb8, grey.as_raw().clone()),
+            (v1::ColorEncoding::Png, compressed(&grey.clone().into(), ImageFormat::Png)),
+            (v1::ColorEncoding::Jpeg, compressed(&grey.clone().into(), ImageFormat::Jpeg)),
+        ] {
+            let mut message = frame_to_wire("default", &grey_frame(), QueuePolicy::Latest);
+            message.color = Some(v1::ColorImage { encoding: encoding.into(), data });
+            let color = received(&message).expect("good").frame.color.expect("color");
+            assert_eq!((color.width, color.height), (8, 6));
+            // JPEG rounds.
+            assert!(color.rgb.iter().all(|c| c.abs_diff(128) <= 1), "{encoding:?}");
+        }
+    }
+
+    #[test]
+    fn compressed_images_of_another_size_or_kind_are_refused() {
+        let wide = image::RgbImage::new(9, 6);
+        let mut message = frame_to_wire("default", &grey_frame(), QueuePolicy::Latest);
+        let data = compressed(&wide.into(), ImageFormat::Png);
+        message.color = Some(v1::ColorImage { encoding: v1::ColorEncoding::Png.into(), data });
+        let error = received(&message).expect_err("9 wide").to_string();
+        assert_eq!(error, "color.data: is 9x6, but intrinsics say 8x6");
+
+        let eight_bit = image::GrayImage::new(8, 6);
+        let mut message = frame_to_wire("default", &grey_frame(), QueuePolicy::Latest);
+        message.depth = Some(v1::DepthImage {
+            encoding: v1::DepthEncoding::Png16.into(),
+            units_per_metre: 1000.0,
+            data: compressed(&eight_bit.into(), ImageFormat::Png),
+        });
+        let error = received(&message).expect_err("8 bit").to_string();
+        assert!(error.starts_with("depth.data: PNG16 must be 16-bit grey"), "{error}");
+    }
+
+    #[test]
+    fn acks_say_what_happened() {
+        let frame = FrameSummary { robot_id: "robot".into(), sensor_id: "camera".into(), seq: 4 };
+        let queue = Queue { waiting: 1, capacity: 2 };
+        let ack = |verdict: Option<&Verdict>| {
+            ack_to_wire(&frame, verdict, (8, 99), queue, Duration::from_micros(7))
+        };
+        let accepted = ack(None);
+        assert_eq!((accepted.status(), accepted.epoch), (v1::FrameStatus::Accepted, 8));
+        assert_eq!((accepted.seq, accepted.newest_stamp_ns, accepted.server_us), (4, 99, 7));
+        let integrated = ack(Some(&Verdict::Integrated { epoch: 7 }));
+        assert_eq!((integrated.status(), integrated.epoch), (v1::FrameStatus::Integrated, 7));
+        let error = Error::invalid("depth.data", "12 bytes");
+        let rejected = ack(Some(&Verdict::Rejected(error)));
+        assert_eq!(rejected.status(), v1::FrameStatus::Rejected);
+        assert_eq!(
+            (rejected.field.as_str(), rejected.message.as_str()),
+            ("depth.data", "depth.data: 12 bytes")
+        );
+        // Every reason has its own number on the wire.
+        let mut numbers: Vec<i32> =
+            Reason::ALL.map(|r| ack(Some(&Verdict::Dropped(r))).reason).to_vec();
+        numbers.sort_unstable();
+        numbers.dedup();
+        assert_eq!(numbers.len(), Reason::ALL.len());
+        assert!(!numbers.contains(&0));
+    }
+}

@@ -127,3 +127,56 @@ fn reasons_from_wire(counts: &[v1::NamedCount]) -> Vec<(Reason, u64)> {
     };
     counts.iter().filter_map(known).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+    use crate::geometry::Aabb;
+
+    #[test]
+    fn counters_come_back_as_they_were() {
+        let summary = MapSummary {
+            map_id: "default".into(),
+            epoch: 3,
+            newest_stamp_ns: -4,
+            bounds: Aabb { min: Vec3::new(-1.0, -2.0, 0.0), max: Vec3::new(1.5, 2.0, 3.0) },
+            modalities: vec!["sdf".into(), "occupancy".into()],
+        };
+        let report = MapReport {
+            summary: summary.clone(),
+            stats: MapStats {
+                epoch: 3,
+                frames: 5,
+                frames_empty: 6,
+                steps: 7,
+                voxels: 8,
+                rows: 9,
+                surfels: 10,
+                key_frames: 11,
+                map_bytes: 12,
+                voxels_refused: 13,
+                losses: vec![("sdf_surface".into(), 0.5)],
+                stages_ms: vec![("train".into(), 2.25), ("publish".into(), 0.125)],
+            },
+            counts: FrameCounts {
+                received: 20,
+                integrated: 14,
+                dropped: vec![(Reason::Replaced, 2)],
+                rejected: vec![(Reason::InvalidField, 1), (Reason::Internal, 2)],
+                waiting: 1,
+            },
+            resident_bytes: 15,
+        };
+        let message = map_stats_to_wire(report.clone(), Duration::from_micros(16));
+        assert_eq!(message.server_us, 16);
+        let back = map_stats_from_wire(message).expect("whole");
+        assert_eq!(format!("{back:?}"), format!("{report:?}"));
+
+        let empty = MapSummary { bounds: Aabb::EMPTY, ..summary.clone() };
+        let list = map_list_to_wire(vec![summary.clone(), empty.clone()], Duration::ZERO);
+        assert_eq!(map_list_from_wire(list), [summary, empty]);
+        assert!(map_stats_from_wire(v1::GetMapStatsReply::default()).is_err());
+    }
+}

@@ -117,3 +117,80 @@ impl From<v1::QueryPointsReply> for PointsReply {
 fn flat(vectors: &[Vec3]) -> Vec<f32> {
     bytemuck::cast_slice(vectors).to_vec()
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+    use prost::Message;
+
+    use super::*;
+
+    prop_compose! {
+        fn questions()(
+            points in prop::collection::vec(prop::array::uniform3(-1e6f32..1e6), 0..40),
+            (distance, gradient, occupancy) in (any::<bool>(), any::<bool>(), any::<bool>()),
+            min_epoch in any::<u64>(),
+        ) -> PointsQuestion {
+            PointsQuestion {
+                map_id: "default".into(),
+                points: points.into_iter().map(Vec3::from).collect(),
+                // No field at all means every field, so one is always asked for.
+                fields: Fields { distance, gradient, occupancy, state: true },
+                min_epoch,
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_question_comes_back_as_it_was(question in questions()) {
+            let bytes = points_question_to_wire(&question).encode_to_vec();
+            let message = v1::QueryPointsRequest::decode(bytes.as_slice()).expect("our own");
+            prop_assert_eq!(PointsQuestion::try_from(message).expect("good"), question);
+        }
+
+        #[test]
+        fn an_answer_comes_back_bit_for_bit(
+            rows in prop::collection::vec((any::<[f32; 5]>(), 0u8..3), 0..40),
+            (epoch, newest_stamp_ns, us) in (any::<u64>(), any::<i64>(), any::<u32>()),
+        ) {
+            let reply = PointsReply {
+                answers: PointAnswers {
+                    distance: rows.iter().map(|(n, _)| n[0]).collect(),
+                    gradient: rows.iter().map(|(n, _)| Vec3::from_slice(&n[1..4])).collect(),
+                    occupancy: rows.iter().map(|(n, _)| n[4]).collect(),
+                    state: rows.iter().map(|(_, state)| *state).collect(),
+                },
+                epoch,
+                newest_stamp_ns,
+                spent: Duration::from_micros(us.into()),
+            };
+            let bytes = points_reply_to_wire(reply.clone()).encode_to_vec();
+            let back = PointsReply::from(v1::QueryPointsReply::decode(bytes.as_slice()).expect("ours"));
+            // NaN is an answer too: bits are compared.
+            let bits = |a: &PointAnswers| {
+                let vectors = flat(&a.gradient);
+                [&a.distance, &vectors, &a.occupancy].map(|c| c.iter().map(|n| n.to_bits()).collect::<Vec<_>>())
+            };
+            prop_assert_eq!(bits(&back.answers), bits(&reply.answers));
+            prop_assert_eq!(&back.answers.state, &reply.answers.state);
+            prop_assert_eq!((back.epoch, back.newest_stamp_ns, back.spent), (epoch, newest_stamp_ns, reply.spent));
+        }
+
+        #[test]
+        fn noise_does_no_harm(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            if let Ok(message) = v1::QueryPointsRequest::decode(bytes.as_slice())
+                && let Ok(question) = PointsQuestion::try_from(message)
+            {
+                prop_assert!(question.points.iter().all(|p| p.is_finite()));
+            }
+        }
+    }
+
+    #[test]
+    fn no_fields_mean_all_of_them() {
+        assert_eq!(fields_from_wire(&[]).expect("fine"), Fields::ALL);
+        let error = fields_from_wire(&[0]).expect_err("unspecified").to_string();
+        assert!(error.starts_with("fields[0]: 0"), "{error}");
+    }
+}

@@ -38,3 +38,30 @@ pub fn error_from_status(status: &tonic::Status) -> Error {
         code => Error::Internal(format!("the server answered {code:?}: {message}")),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What a caller of the client sees has the same class and words as what the server meant.
+    #[test]
+    fn errors_cross_the_wire_with_their_class_and_words() {
+        for error in [
+            Error::invalid("points_m[3].x", "NaN must be finite"),
+            Error::NotFound { what: "map 'attic'".into() },
+            Error::ResourceExhausted { what: "sensors".into(), limit: "64".into() },
+            Error::FailedPrecondition("min_epoch: 4".into()),
+        ] {
+            let back = error_from_status(&status_from_error(&error));
+            assert_eq!((back.status(), back.to_string()), (error.status(), error.to_string()));
+        }
+        for error in [
+            Error::Unavailable("stopping".into()),
+            Error::Internal("broken".into()),
+            Error::corrupt("map", "checksum"),
+        ] {
+            let back = error_from_status(&status_from_error(&error)).to_string();
+            assert!(back.contains(&error.to_string()), "{back}");
+        }
+    }
+}

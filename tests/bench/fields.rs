@@ -6,12 +6,14 @@ use std::sync::Arc;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec3;
-use orenx::backend::{Backend, Batch, CpuBackend, Host, SampleKind, StepParameters};
+use orenx::backend::{Backend, CpuBackend, Host, StepParameters};
 use orenx::config::{MapConfig, MapSettings, Profile};
 use orenx::geometry::random::{normal, pcg4d, unit};
+use orenx::modality::RowSource;
 use orenx::modality::losses::{LossWeights, Stencil};
 use orenx::modality::read::{Answers, evaluate};
-use orenx::modality::{Explicit, RowSource};
+use orenx::octree::Explicit;
+use orenx::train::{Batch, SampleKind};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 

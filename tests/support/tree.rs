@@ -4,7 +4,8 @@
 use std::collections::HashMap;
 
 use glam::Vec3;
-use orenx::modality::{Explicit, RowSource};
+use orenx::modality::RowSource;
+use orenx::octree::Explicit;
 use orenx::octree::{ChildLink, NodeSource, Root};
 
 /// A tree and its rows.

@@ -8,13 +8,14 @@ use super::interpolate::{Evaluation, FEATURES, Gather, Scatter, Voxel};
 use super::objective::{Factors, lose};
 use super::plan::{Plan, Site};
 use super::table::IndexTable;
-use crate::backend::{Batch, Host, LearnedRow, Losses, StepParameters};
+use crate::backend::{Host, LearnedRow, Losses, StepParameters};
 use crate::geometry::simd::{InstructionSet, LINE, Lines, prefetch};
 use crate::modality::decoder::{Activations, Gradient, POINTS_MULTIPLE};
 use crate::modality::interpolation::{ExplicitCorners, Place, by_column};
 use crate::modality::losses::STENCIL_M;
-use crate::modality::{Decoders, Explicit, sdf};
-use crate::octree::{Found, Lookup, NO_NODE, NodeSource};
+use crate::modality::{Decoders, sdf};
+use crate::octree::{Explicit, Found, Lookup, NO_NODE, NodeSource};
+use crate::train::Batch;
 use glam::Vec3;
 
 /// Samples of one chunk.

@@ -2,10 +2,11 @@
 
 use super::chunk::{Inputs, Tile, TileSample};
 use super::plan::Plan;
-use crate::backend::{Losses, SampleKind, StepParameters};
+use crate::backend::{Losses, StepParameters};
 use crate::modality::losses::{Stencil, absolute, consistency, cross_entropy};
 use crate::modality::occupancy;
 use crate::octree::NodeSource;
+use crate::train::SampleKind;
 
 /// The factor of each term: its weight over the number of samples that pay it.
 pub(super) struct Factors {

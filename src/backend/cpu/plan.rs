@@ -7,9 +7,10 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::radix::sort_by_key;
-use crate::backend::{Batch, StepParameters};
+use crate::backend::StepParameters;
 use crate::modality::losses::{STENCIL_M, Stencil};
 use crate::octree::{Found, Lookup, NodeSource};
+use crate::train::Batch;
 
 /// Samples located by one task.
 const LOCATE_CHUNK: usize = 512;

@@ -5,10 +5,10 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::cli::open::write_whole;
 use crate::config::{Prior, Profile, Schedule};
 use crate::error::Result;
 use crate::map::{FrameOutcome, Mapper};
+use crate::storage::write_file;
 use crate::telemetry;
 
 /// The stages that every report has, in the order of a frame.
@@ -142,7 +142,7 @@ pub(super) fn report(dataset: &str, mapper: &Mapper, tally: &Tally) -> Report {
 
 /// Writes the report as indented JSON.
 pub(super) fn write(path: &Path, report: &Report) -> Result<()> {
-    write_whole(path, |out| Ok(serde_json::to_writer_pretty(out, report)?))
+    write_file(path, |out| Ok(serde_json::to_writer_pretty(out, report)?))
 }
 
 /// Median and 95th percentile by nearest rank; zeros for a stage that never ran.

@@ -116,3 +116,39 @@ fn encode(linear: f32) -> u8 {
         if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
     (s * 255.0 + 0.5) as u8
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::room;
+    use super::*;
+
+    #[test]
+    fn tiles_see_what_single_rays_see() {
+        // Sides that no tile divides.
+        let k = Intrinsics { fx: 60.0, fy: 60.0, cx: 36.0, cy: 24.5, width: 75, height: 50 };
+        let (scene, renderer) = (room::scene(), Renderer::default());
+        for share in [0.0, 0.3, 0.55, 0.8] {
+            let pose = room::walk(share);
+            let (depth, color) = renderer.depth_and_color(&scene, &k, &pose, 10.0);
+            assert_eq!(depth, renderer.depth(&scene, &k, &pose, 10.0));
+            for (v, u) in (0..k.height).flat_map(|v| (0..k.width).map(move |u| (v, u))) {
+                let direction = pose.rotation_f32() * k.direction(u as f32, v as f32);
+                let hit = scene.cast(pose.position_f32(), direction).expect("a closed room");
+                assert_eq!(depth.at(u, v), hit.t, "({u}, {v}) at {share}");
+            }
+            assert!(color.rgb.iter().any(|&c| c > 200) && color.rgb.iter().any(|&c| c < 120));
+            let near = renderer.depth(&scene, &k, &pose, 1.5);
+            assert!(
+                near.metres
+                    .iter()
+                    .zip(&depth.metres)
+                    .all(|(&n, &z)| n == if z <= 1.5 { z } else { 0.0 })
+            );
+        }
+    }
+
+    #[test]
+    fn light_is_encoded_as_srgb() {
+        assert_eq!([0.0, 0.216, 1.0].map(encode), [0, 128, 255]);
+    }
+}

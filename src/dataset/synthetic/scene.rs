@@ -161,8 +161,8 @@ impl Scene {
         }
         let bound = Vec3::select(direction.cmpgt(Vec3::ZERO), self.room.max, self.room.min);
         let leave = (bound - origin) / direction;
-        // 0/0, a ray within a face's plane, leaves through another face.
-        let leave = Vec3::select(leave.is_nan_mask(), Vec3::INFINITY, leave);
+        // Along a face the ray never leaves through it; the quotient may be any infinity or NaN.
+        let leave = Vec3::select(direction.cmpeq(Vec3::ZERO), Vec3::INFINITY, leave);
         let axis = leave.min_position();
         let object = match axis {
             2 if direction.z < 0.0 => FLOOR,
@@ -272,4 +272,36 @@ fn between(a: [f32; 3], b: [f32; 3]) -> (Vec3, f32, Mat3) {
     let (a, b) = (Vec3::from(a), Vec3::from(b));
     let turn = Quat::from_rotation_arc(Vec3::Z, (b - a).normalize());
     ((a + b) * 0.5, (b - a).length() * 0.5, Mat3::from_quat(turn))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{corridor, room};
+    use super::*;
+    use crate::geometry::random::{pcg4d, unit};
+
+    #[test]
+    fn the_tree_finds_what_a_search_of_all_solids_finds() {
+        for (scene, seed) in [(room::scene(), 1), (corridor::scene(40.0), 2)] {
+            let (low, size) = (scene.room.min - 0.3, scene.room.size() + 0.6);
+            for i in 0..3000 {
+                let random = pcg4d([seed, 0, 0, i]).map(unit);
+                let point = low + size * Vec3::new(random[0], random[1], random[2]);
+                let all = scene.solids.iter().map(|s| s.nearest(point).distance);
+                let least = all.fold(scene.nearest_shell(point).distance, f32::min);
+                assert_eq!(scene.distance(point), least, "{point}");
+            }
+        }
+    }
+
+    #[test]
+    fn depth_inside_is_exact_only_under_a_bare_face() {
+        let scene = room::scene();
+        // The foot of a desk leg stands below the floor; the top of the desk is bare.
+        assert!(scene.is_exact(Vec3::new(-2.94, -0.3, 0.74)));
+        assert!(!scene.is_exact(Vec3::new(-2.94, -0.8, -0.05)), "under a leg, in the floor");
+        assert!(scene.is_exact(Vec3::new(0.0, 2.0, 2.0)), "free space");
+        assert!(scene.is_exact(Vec3::new(1.0, 0.6, 3.0)), "above the ceiling");
+        assert!(!scene.is_exact(Vec3::new(0.0, 0.0, 2.72)), "above the lamp's rod");
+    }
 }

@@ -31,8 +31,9 @@ pub enum Region {
     Far { clear_m: f32 },
 }
 
-/// Draws `count` points along random pixels of the frames `frames` (indices of `data`). Each lies
-/// in seen free space or, for [`Region::Near`], close behind a seen surface.
+/// Draws `count` points along random pixels of the frames `frames` (indices of `data`), in the
+/// scene as it is at the last of them. Each lies in seen free space or, for [`Region::Near`], close
+/// behind a seen surface. Fewer come back if the frames hardly see such a region.
 pub fn points(
     data: &Synthetic,
     frames: &[usize],

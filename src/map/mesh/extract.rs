@@ -7,7 +7,7 @@ use rustc_hash::FxHashMap;
 
 use super::TriangleMesh;
 use super::cases::{CaseTable, EDGES, Loop, share_face};
-use super::lattice::{BLOCK_CELLS, BLOCK_CORNERS, Block, blocks, position};
+use super::lattice::{BLOCK_CELLS, BLOCK_CORNERS, Block, blocks, each_between, position};
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
 use crate::map::parallel::{PointQuery, query_parallel};
@@ -15,13 +15,14 @@ use crate::map::query::Fields;
 
 /// Blocks whose triangles are held before they are merged.
 const BLOCKS_AT_ONCE: usize = 64;
-/// The steepest change along an edge that is believed to cross a surface. A distance field changes
-/// by at most 1; where it jumps from negative to positive (the rim of what was observed behind a
-/// surface) there is no surface.
-const STEEPEST: f32 = 2.0;
+/// The steepest slope that is believed to cross a surface. A distance field has 1, an interpolated
+/// one up to half as much again; where the sign flips between two surfaces or at the rim of what was
+/// observed, distances jump through zero and there is no surface. (Office scene, no training: of the
+/// area more than 5 cm from the truth this drops half, and 2 % of the rest.)
+const STEEPEST: f32 = 1.7;
 /// How close to a lattice corner a vertex may come, in cells: keeps triangles from losing their
 /// area, at a cost of a hundredth of the resolution.
-const MARGIN: f32 = 0.01;
+pub(super) const MARGIN: f32 = 0.01;
 
 /// The resolution used where none is asked for: a fifth of the finest usual leaf, 1 to 5 cm.
 pub fn default_resolution_m(r0_m: f32) -> f32 {
@@ -53,9 +54,10 @@ pub fn extract_mesh(
         });
         patches.into_iter().for_each(|patch| merged.add(patch));
     }
-    let (vertices, normals) = refine(query, &merged.crossings, resolution_m, pool);
-    let mut mesh = TriangleMesh { vertices, normals, triangles: merged.triangles };
-    complete_normals(&mut mesh);
+    let (vertices, gradients) = refine(query, &merged.crossings, resolution_m, pool);
+    let mut mesh = TriangleMesh { vertices, normals: gradients, triangles: merged.triangles };
+    drop_jumps(&mut mesh);
+    normalise(&mut mesh);
     Ok(mesh)
 }
 
@@ -177,16 +179,6 @@ fn marked_cells(block: &Block) -> Vec<IVec3> {
     cells
 }
 
-fn each_between(low: IVec3, high: IVec3, mut visit: impl FnMut(IVec3)) {
-    for z in low.z..=high.z {
-        for y in low.y..=high.y {
-            for x in low.x..=high.x {
-                visit(IVec3::new(x, y, z));
-            }
-        }
-    }
-}
-
 /// Asks for the distance at each corner of the marked cells once.
 fn evaluate_corners(
     query: &impl PointQuery,
@@ -258,8 +250,8 @@ fn best_apex(polygon: &Loop, indices: &[u32], crossings: &[Crossing]) -> usize {
     (0..n).min_by(|&a, &b| cost(a).total_cmp(&cost(b))).unwrap_or(0)
 }
 
-/// Positions and normals of the vertices: one step of regula falsi along the edge from the linear
-/// guess, and the gradient there. A normal is zero where the gradient has no direction.
+/// Positions and gradients of the vertices: one step of regula falsi along the edge from the linear
+/// guess, and the gradient there, zero where it is unknown.
 fn refine(
     query: &impl PointQuery,
     crossings: &[Crossing],
@@ -278,12 +270,8 @@ fn refine(
             crossing.position(share, resolution_m)
         })
         .collect();
-    let normals = answers
-        .gradient
-        .into_iter()
-        .map(|g| if g.is_finite() { g.normalize_or_zero() } else { Vec3::ZERO })
-        .collect();
-    (vertices, normals)
+    let known = |gradient: Vec3| if gradient.is_finite() { gradient } else { Vec3::ZERO };
+    (vertices, answers.gradient.into_iter().map(known).collect())
 }
 
 /// The crossing by linear interpolation between the guess, where the distance is `found`, and the
@@ -302,11 +290,34 @@ fn corrected_share(crossing: &Crossing, found: f32) -> f32 {
     if share.is_finite() { share.clamp(MARGIN, 1.0 - MARGIN) } else { guess }
 }
 
-/// Gives vertices without a gradient the area-weighted normal of their triangles.
-fn complete_normals(mesh: &mut TriangleMesh) {
-    if mesh.normals.iter().all(|&n| n != Vec3::ZERO) {
-        return;
+/// Drops triangles where the distance jumps through zero, and vertices that none is left of. The
+/// normals still are gradients.
+fn drop_jumps(mesh: &mut TriangleMesh) {
+    let steepness: Vec<f32> = mesh.normals.iter().map(|gradient| gradient.length()).collect();
+    let mean = |t: &[u32; 3]| t.iter().map(|&v| steepness[v as usize]).sum::<f32>() / 3.0;
+    mesh.triangles.retain(|triangle| mean(triangle) <= STEEPEST);
+    let mut used = vec![false; mesh.vertices.len()];
+    mesh.triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
+    // Vertices before each one that stay.
+    let mut count = 0;
+    let index: Vec<u32> = used
+        .iter()
+        .map(|&used| {
+            count += u32::from(used);
+            count - u32::from(used)
+        })
+        .collect();
+    for triangle in &mut mesh.triangles {
+        *triangle = triangle.map(|v| index[v as usize]);
     }
+    for column in [&mut mesh.vertices, &mut mesh.normals] {
+        let mut keep = used.iter();
+        column.retain(|_| keep.next() == Some(&true));
+    }
+}
+
+/// Makes normals of gradients; a vertex without one gets the area-weighted normal of its triangles.
+fn normalise(mesh: &mut TriangleMesh) {
     let mut sums = vec![Vec3::ZERO; mesh.vertices.len()];
     for i in 0..mesh.triangles.len() {
         let [a, b, c] = mesh.corners(i);
@@ -314,174 +325,6 @@ fn complete_normals(mesh: &mut TriangleMesh) {
         mesh.triangles[i].iter().for_each(|&v| sums[v as usize] += normal);
     }
     for (normal, sum) in mesh.normals.iter_mut().zip(sums) {
-        if *normal == Vec3::ZERO {
-            *normal = sum.normalize_or_zero();
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::collections::BTreeMap;
-
-    use super::*;
-    use crate::map::parallel::query_pool;
-    use crate::map::query::PointAnswers;
-
-    fn field(distance: impl Fn(Vec3) -> f32 + Sync) -> impl PointQuery {
-        move |points: &[Vec3], fields: Fields| {
-            let gradient = |p: Vec3| {
-                let h = 1e-3;
-                let slope =
-                    |axis: Vec3| (distance(p + axis * h) - distance(p - axis * h)) / (2.0 * h);
-                Vec3::new(slope(Vec3::X), slope(Vec3::Y), slope(Vec3::Z))
-            };
-            PointAnswers {
-                distance: points.iter().map(|&p| distance(p)).collect(),
-                gradient: if fields.gradient {
-                    points.iter().map(|&p| gradient(p)).collect()
-                } else {
-                    vec![]
-                },
-                ..PointAnswers::default()
-            }
-        }
-    }
-
-    /// Leaves of 0.1 m that fill a cube around the origin.
-    fn leaves(half: i32) -> Vec<Aabb> {
-        let mut leaves = Vec::new();
-        each_between(IVec3::splat(-half), IVec3::splat(half - 1), |i| {
-            let min = i.as_vec3() * 0.1;
-            leaves.push(Aabb { min, max: min + 0.1 });
-        });
-        leaves
-    }
-
-    fn extract(
-        distance: impl Fn(Vec3) -> f32 + Sync,
-        half: i32,
-        resolution_m: f32,
-    ) -> TriangleMesh {
-        let pool = query_pool(2).expect("pool");
-        extract_mesh(&field(distance), &leaves(half), resolution_m, &pool).expect("a mesh")
-    }
-
-    /// Triangles at each directed edge.
-    fn directed_edges(mesh: &TriangleMesh) -> BTreeMap<(u32, u32), u32> {
-        let mut edges = BTreeMap::new();
-        for &[a, b, c] in &mesh.triangles {
-            for edge in [(a, b), (b, c), (c, a)] {
-                *edges.entry(edge).or_default() += 1;
-            }
-        }
-        edges
-    }
-
-    fn assert_watertight(mesh: &TriangleMesh) {
-        let edges = directed_edges(mesh);
-        for (&(a, b), &count) in &edges {
-            assert_eq!(count, 1, "edge {a}-{b} is used twice in one direction");
-            assert_eq!(edges.get(&(b, a)), Some(&1), "edge {a}-{b} has no other side");
-        }
-    }
-
-    fn assert_outward(mesh: &TriangleMesh) {
-        for i in 0..mesh.triangles.len() {
-            let [a, b, c] = mesh.corners(i);
-            let normal = (b - a).cross(c - a);
-            assert!(normal.length() > 0.0, "triangle {i} has no area");
-            let corner = mesh.normals[mesh.triangles[i][0] as usize];
-            assert!(normal.dot(corner) > 0.0, "triangle {i} faces inwards");
-        }
-    }
-
-    #[test]
-    fn a_sphere_is_watertight_outward_and_exact() {
-        let centre = Vec3::new(0.013, -0.027, 0.041);
-        let mesh = extract(|p| p.distance(centre) - 0.7, 10, 0.05);
-        assert!(mesh.triangles.len() > 1000);
-        assert_watertight(&mesh);
-        assert_outward(&mesh);
-        for (vertex, normal) in mesh.vertices.iter().zip(&mesh.normals) {
-            // At most the margin off, and only near lattice corners.
-            assert!((vertex.distance(centre) - 0.7).abs() < MARGIN * 0.05, "{vertex}");
-            assert!(normal.dot((vertex - centre).normalize()) > 0.999);
-        }
-        let errors = mesh.vertices.iter().map(|v| (v.distance(centre) - 0.7).abs());
-        let exact = errors.filter(|&e| e < 5e-5).count();
-        assert!(exact * 20 > mesh.vertices.len() * 19, "{exact} of {}", mesh.vertices.len());
-        // Between vertices a chord of 5 cm sinks by h²/8r.
-        for i in 0..mesh.triangles.len() {
-            let [a, b, c] = mesh.corners(i);
-            let sag = 0.7 - ((a + b + c) / 3.0).distance(centre);
-            assert!((-MARGIN * 0.05..0.0015).contains(&sag), "{sag}");
-        }
-        // Euler's formula: V − E + F = 2.
-        let edges = directed_edges(&mesh).len() / 2;
-        assert_eq!(mesh.vertices.len() + mesh.triangles.len() - edges, 2);
-    }
-
-    #[test]
-    fn a_field_on_the_lattice_makes_no_cracks_and_no_empty_triangles() {
-        // Corners with a distance of exactly zero, and faces in lattice planes.
-        let mesh = extract(|p| p.abs().max_element() - 0.4, 10, 0.05);
-        assert_watertight(&mesh);
-        assert_outward(&mesh);
-        let mesh = extract(|p| p.abs().element_sum() - 0.6, 10, 0.05);
-        assert_watertight(&mesh);
-    }
-
-    #[test]
-    fn ambiguous_cells_stay_manifold() {
-        // A gyroid at the lattice's own scale has every kind of face.
-        let gyroid = |p: Vec3| {
-            let q = p * 42.0;
-            let wave = q.x.sin() * q.y.cos() + q.y.sin() * q.z.cos() + q.z.sin() * q.x.cos();
-            (wave / 60.0).max(p.length() - 0.83)
-        };
-        let mesh = extract(gyroid, 10, 0.05);
-        assert!(mesh.triangles.len() > 10_000);
-        assert_watertight(&mesh);
-    }
-
-    #[test]
-    fn the_mesh_does_not_depend_on_blocks_or_threads() {
-        let sphere = field(|p: Vec3| p.length() - 0.7);
-        let mesh = |threads| {
-            let pool = query_pool(threads).expect("pool");
-            extract_mesh(&sphere, &leaves(10), 0.02, &pool).expect("a mesh")
-        };
-        let one = mesh(1);
-        assert_eq!(one, mesh(3));
-        assert_watertight(&one);
-    }
-
-    #[test]
-    fn the_surface_ends_where_the_map_does() {
-        let mesh = extract(|p| if p.x > 0.2 { f32::NAN } else { p.z - 0.013 }, 5, 0.05);
-        assert!(!mesh.triangles.is_empty());
-        assert!(mesh.vertices.iter().all(|v| v.x <= 0.2 + 1e-5));
-        assert!(mesh.normals.iter().all(|n| n.dot(Vec3::Z) > 0.99));
-        let nothing = extract(|_| f32::NAN, 5, 0.05);
-        assert!(nothing.triangles.is_empty() && nothing.vertices.is_empty());
-    }
-
-    #[test]
-    fn a_jump_of_sign_is_no_surface() {
-        // A panel seen from above: behind it 0.1 m are known to be negative, beside it all is free.
-        let panel = |p: Vec3| if p.x < 0.22 { p.z } else { 0.3 };
-        let mesh = extract(panel, 4, 0.02);
-        assert!(!mesh.triangles.is_empty());
-        assert!(mesh.vertices.iter().all(|v| v.z.abs() < 0.021), "no wall at the rim");
-    }
-
-    #[test]
-    fn an_impossible_resolution_is_refused() {
-        let pool = query_pool(1).expect("pool");
-        for resolution in [0.0, -1.0, f32::NAN, 2.0] {
-            let result = extract_mesh(&field(|p| p.z), &leaves(1), resolution, &pool);
-            assert!(result.is_err(), "{resolution}");
-        }
+        *normal = normal.try_normalize().unwrap_or_else(|| sum.normalize_or_zero());
     }
 }

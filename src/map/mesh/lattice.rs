@@ -21,6 +21,17 @@ pub(super) fn position(lattice: IVec3, resolution_m: f32) -> Vec3 {
     (lattice.as_dvec3() * f64::from(resolution_m)).as_vec3()
 }
 
+/// Visits the lattice points of a box, both ends included, x fastest.
+pub(super) fn each_between(low: IVec3, high: IVec3, mut visit: impl FnMut(IVec3)) {
+    for z in low.z..=high.z {
+        for y in low.y..=high.y {
+            for x in low.x..=high.x {
+                visit(IVec3::new(x, y, z));
+            }
+        }
+    }
+}
+
 /// A block and the cells in it that are to be visited.
 pub(super) struct Block {
     /// Lattice coordinates of the low corner.

@@ -4,6 +4,8 @@ mod cases;
 mod extract;
 mod lattice;
 mod ply;
+#[cfg(test)]
+mod tests;
 
 use glam::Vec3;
 

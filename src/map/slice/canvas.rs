@@ -20,12 +20,12 @@ pub(super) enum Align {
 pub(super) struct Canvas(pub RgbImage);
 
 impl Canvas {
-    pub fn new(width: i32, height: i32, ground: Rgb) -> Self {
+    pub(super) fn new(width: i32, height: i32, ground: Rgb) -> Self {
         Self(RgbImage::from_pixel(width.max(1) as u32, height.max(1) as u32, Pixel(ground)))
     }
 
     /// Lays a colour on a pixel.
-    pub fn dot(&mut self, x: i32, y: i32, color: Rgb, alpha: f32) {
+    pub(super) fn dot(&mut self, x: i32, y: i32, color: Rgb, alpha: f32) {
         if x < 0 || y < 0 {
             return;
         }
@@ -35,14 +35,14 @@ impl Canvas {
     }
 
     /// A filled rectangle.
-    pub fn fill(&mut self, x: i32, y: i32, width: i32, height: i32, color: Rgb) {
+    pub(super) fn fill(&mut self, x: i32, y: i32, width: i32, height: i32, color: Rgb) {
         for row in y..y + height {
             (x..x + width).for_each(|column| self.dot(column, row, color, 1.0));
         }
     }
 
     /// The border around a rectangle, one pixel wide, just outside it.
-    pub fn frame(&mut self, x: i32, y: i32, width: i32, height: i32, color: Rgb) {
+    pub(super) fn frame(&mut self, x: i32, y: i32, width: i32, height: i32, color: Rgb) {
         self.fill(x - 1, y - 1, width + 2, 1, color);
         self.fill(x - 1, y + height, width + 2, 1, color);
         self.fill(x - 1, y, 1, height, color);
@@ -50,7 +50,7 @@ impl Canvas {
     }
 
     /// A line of text whose cells start at `y`; characters beyond ASCII show as '?'.
-    pub fn text(&mut self, x: i32, y: i32, text: &str, size: i32, align: Align, color: Rgb) {
+    pub(super) fn text(&mut self, x: i32, y: i32, text: &str, size: i32, align: Align, color: Rgb) {
         let width = text_width(text, size);
         let left = match align {
             Align::Left => x,
@@ -95,7 +95,7 @@ fn coverage(glyph: &[u8; 8], column: i32, row: i32, size: i32) -> f32 {
     let top = bit(x0, y0) * (1.0 - fx) + bit(x0 + 1, y0) * fx;
     let bottom = bit(x0, y0 + 1) * (1.0 - fx) + bit(x0 + 1, y0 + 1) * fx;
     let value = top * (1.0 - fy) + bottom * fy;
-    ((value - 0.25) / 0.5).clamp(0.0, 1.0)
+    ((value - 0.35) / 0.4).clamp(0.0, 1.0)
 }
 
 #[cfg(test)]

@@ -16,11 +16,11 @@ use super::ticks::{label, round_down, ticks};
 const STEEPEST: f32 = 2.0;
 
 /// Layout, pixels. Text of size 2 is 16 high.
-const LEFT: i32 = 92;
-const TOP: i32 = 64;
+const LEFT: i32 = 112;
+const TOP: i32 = 84;
 const BAR_GAP: i32 = 36;
 const BAR_WIDTH: i32 = 24;
-const RIGHT: i32 = 150;
+const RIGHT: i32 = 184;
 const BOTTOM: i32 = 120;
 const TEXT: i32 = 2;
 const TEXT_HEIGHT: i32 = 16;
@@ -36,7 +36,7 @@ pub fn draw_slice(slice: &Slice) -> RgbImage {
     let range = Range::of(&slice.distances);
     draw_field(&mut canvas, slice, &range);
     canvas.frame(LEFT, TOP, width, height, INK);
-    canvas.text(LEFT, TOP - 36, &title(slice), TEXT, Align::Left, INK);
+    canvas.text(LEFT, 18, &title(slice), TEXT, Align::Left, INK);
     draw_axes(&mut canvas, slice);
     draw_legend(&mut canvas, slice);
     draw_colour_bar(&mut canvas, LEFT + width + BAR_GAP, height, &range);
@@ -101,15 +101,9 @@ fn sample_colour(slice: &Slice, range: &Range, column: u32, row: u32) -> Rgb {
     }
     let colour = range.colour(distance);
     let slope = slope(slice, column, row);
-    // Distance in samples to where the field takes `level`; none on plateaus and jumps.
-    let away = |level: f32| {
-        let steep = slope > STEEPEST * slice.pixel_m;
-        if steep {
-            f32::INFINITY
-        } else {
-            (distance - level).abs() / slope.max(0.3 * slice.pixel_m)
-        }
-    };
+    // Distance in samples to where the field takes `level`; plateaus and jumps have no contours.
+    let sloping = slope > 0.2 * slice.pixel_m && slope < STEEPEST * slice.pixel_m;
+    let away = |level: f32| if sloping { (distance - level).abs() / slope } else { f32::INFINITY };
     let line = |away: f32, width: f32| (0.5 * width + 0.5 - away).clamp(0.0, 1.0);
     let nearest = (distance / range.contour_m).round() * range.contour_m;
     let faint = if nearest > 0.0 { line(away(nearest), 0.6) * 0.28 } else { 0.0 };
@@ -152,7 +146,7 @@ fn title(slice: &Slice) -> String {
         return format!("signed distance at z = {:.2} m", plane.offset_m);
     }
     let Vec3 { x, y, z } = plane.normal;
-    format!("signed distance on ({x:.2}, {y:.2}, {z:.2}) p = {:.2} m", plane.offset_m)
+    format!("signed distance on ({x:.2}, {y:.2}, {z:.2}) . p = {:.2} m", plane.offset_m)
 }
 
 /// What an axis is called: a world axis, or its place in the plane.
@@ -187,7 +181,7 @@ fn draw_axes(canvas: &mut Canvas, slice: &Slice) {
     let name = format!("{} [m]", axis_name(slice.plane.right, "right"));
     canvas.text(LEFT + width, TOP + height + 36, &name, TEXT, Align::Right, FAINT_INK);
     let name = format!("{} [m]", axis_name(slice.plane.up, "up"));
-    canvas.text(8, TOP - 36, &name, TEXT, Align::Left, FAINT_INK);
+    canvas.text(LEFT - 12, TOP - 28, &name, TEXT, Align::Right, FAINT_INK);
 }
 
 /// Below the axes: the scale bar, and what the line and the hatching mean.
@@ -231,7 +225,7 @@ fn draw_colour_bar(canvas: &mut Canvas, x: i32, height: i32, range: &Range) {
         canvas.fill(x, y, BAR_WIDTH, 1, range.colour(distance));
     }
     canvas.frame(x, TOP, BAR_WIDTH, height, INK);
-    canvas.text(x - 4, TOP - 36, "distance [m]", TEXT, Align::Left, FAINT_INK);
+    canvas.text(x, TOP - 28, "distance [m]", TEXT, Align::Left, FAINT_INK);
     let mut mark = |distance: f32, step: f32| {
         let y = place(distance);
         canvas.fill(x + BAR_WIDTH, y, 7, 1, INK);

@@ -2,9 +2,10 @@
 
 /// The largest of 1, 2, 5 times a power of ten that is not above `value` (positive).
 pub(super) fn round_down(value: f32) -> f32 {
-    let power = 10f32.powf(value.log10().floor());
     // Half a percent of slack takes 0.99999 for 1.
-    let lead = value / power * 1.005;
+    let value = value * 1.005;
+    let power = 10f32.powf(value.log10().floor());
+    let lead = value / power;
     power * [5.0, 2.0].into_iter().find(|&step| lead >= step).unwrap_or(1.0)
 }
 

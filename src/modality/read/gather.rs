@@ -5,7 +5,8 @@ use glam::Vec3;
 use super::{Packed, Tile};
 use crate::geometry::simd::{Kernel, LINE, Lanes, prefetch};
 use crate::modality::interpolation::{Place, by_column};
-use crate::modality::{Explicit, OCCUPANCY_FEATURES, RowSource, SDF_FEATURES, sdf};
+use crate::modality::{OCCUPANCY_FEATURES, RowSource, SDF_FEATURES, sdf};
+use crate::octree::Explicit;
 
 /// An explicit row that says nothing.
 const NOTHING: Explicit = [0.0; 4];

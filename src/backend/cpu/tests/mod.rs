@@ -11,11 +11,11 @@ use glam::Vec3;
 use rayon::ThreadPoolBuilder;
 
 use super::*;
-use crate::backend::SampleKind;
 use crate::config::{MapConfig, MapSettings, Profile};
 use crate::geometry::random::{pcg4d, unit};
 use crate::modality::losses::{LossWeights, Stencil};
 use crate::modality::test_tree::Tree;
+use crate::train::SampleKind;
 
 fn config(profile: Profile) -> MapConfig {
     let settings = MapSettings { profile, seed: 3, ..MapSettings::default() };

@@ -1,0 +1,272 @@
+//! `orenx demo`: a server with its built-in defaults and a simulated robot that maps a furnished
+//! room into it over gRPC, as any robot would.
+
+use std::io::IsTerminal;
+use std::num::NonZeroUsize;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context, bail};
+use clap::Args;
+use glam::Vec3;
+use indicatif::{ProgressBar, ProgressStyle};
+use tokio::net::TcpListener;
+use tokio::sync::oneshot;
+
+use super::serve::interrupted;
+use crate::client::{Client, Pace, StreamReport, load_ahead, send};
+use crate::config::{ServerConfig, Settings};
+use crate::dataset::Dataset;
+use crate::dataset::synthetic::truth::{Region, points};
+use crate::dataset::synthetic::{Scene, Synthetic};
+use crate::engine::QueuePolicy;
+use crate::map::{Fields, State};
+use crate::serve;
+use crate::service::{DEFAULT_MAP, Service};
+
+/// One walk through the room; with a terminal at the pace of a slow camera, so that there is
+/// something to watch.
+const FRAMES_WATCHED: usize = 600;
+const RATE_WATCHED_HZ: f64 = 20.0;
+/// The same walk in fewer frames, as fast as they are taken, where nobody watches.
+const FRAMES_UNWATCHED: usize = 200;
+const WIDTH: u32 = 320;
+const WINDOW: NonZeroUsize = NonZeroUsize::new(4).unwrap();
+/// How far an answer may be from the room's own distance, m: near surfaces and in the open.
+const TOLERANCE_NEAR_M: f32 = 0.02;
+const TOLERANCE_FAR_M: f32 = 0.05;
+/// Below this distance a point counts as near, m.
+const NEAR_M: f32 = 0.1;
+/// Picks the places that are asked about.
+const SEED: u32 = 7;
+
+/// Start a server and let a simulated robot map a room into it
+///
+/// On a terminal it stays up and answers until Ctrl-C. Without one it asks the questions that it
+/// prints, compares the answers with the room, and ends.
+#[derive(Debug, Args)]
+pub struct DemoArgs {}
+
+impl DemoArgs {
+    pub fn run(self) -> anyhow::Result<()> {
+        let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+        runtime.block_on(demo())
+    }
+}
+
+async fn demo() -> anyhow::Result<()> {
+    let (mut config, map) = ServerConfig::from_settings(&Settings::default())?;
+    config.storage = None; // a demo leaves no map behind, and finds none
+    let listener = listen(&config).await?;
+    let url = format!("http://{}", listener.local_addr()?);
+    println!("orenx serves gRPC on {url}, with the settings of deploy/orenx.toml, in memory");
+
+    let (service, engine) = Service::start(&config, map)?;
+    let (stop, stopped) = oneshot::channel::<()>();
+    let serving = tokio::spawn(serve::run(listener, service, async {
+        // Either way it is over.
+        let _ = stopped.await;
+    }));
+    let shown = tokio::select! {
+        shown = show(&url) => shown,
+        () = interrupted() => Ok(()),
+    };
+    // Fails if the server has ended already; then its own result says why.
+    let _ = stop.send(());
+    serving.await.context("the server's task")??;
+    engine.stop()?;
+    shown
+}
+
+/// The usual port, or any free one if it is taken.
+async fn listen(config: &ServerConfig) -> anyhow::Result<TcpListener> {
+    match TcpListener::bind(config.grpc).await {
+        Ok(listener) => Ok(listener),
+        Err(error) if error.kind() == std::io::ErrorKind::AddrInUse => {
+            println!("{} is taken; taking a free port", config.grpc);
+            Ok(TcpListener::bind((config.grpc.ip(), 0)).await?)
+        }
+        Err(error) => Err(error).with_context(|| format!("cannot listen on {}", config.grpc)),
+    }
+}
+
+async fn show(url: &str) -> anyhow::Result<()> {
+    let watched = std::io::stdout().is_terminal();
+    let frames = if watched { FRAMES_WATCHED } else { FRAMES_UNWATCHED };
+    let room = Arc::new(Synthetic::room(frames).with_width(WIDTH));
+    let client = Client::connect(url).await?;
+    let questions = questions(&room);
+
+    let report = drive(&client, room, watched).await?;
+    println!(
+        "the robot sent {} frames, {} are in the map ({:.1} frames/s), epoch {}",
+        report.settled,
+        report.integrated,
+        report.frames_per_second(),
+        report.epoch
+    );
+    println!("\nask the map, in another terminal:");
+    for question in &questions {
+        println!("  {}", question.command(url));
+    }
+    if watched {
+        println!("\nCtrl-C ends the demo");
+        return std::future::pending().await;
+    }
+    check(&client, &questions, report.epoch).await
+}
+
+/// The robot: frames in, progress out.
+async fn drive(
+    client: &Client,
+    room: Arc<Synthetic>,
+    watched: bool,
+) -> anyhow::Result<StreamReport> {
+    let pace = Pace {
+        map_id: DEFAULT_MAP.into(),
+        policy: if watched { QueuePolicy::Latest } else { QueuePolicy::Block },
+        rate_hz: watched.then_some(RATE_WATCHED_HZ),
+        window: WINDOW,
+    };
+    let frames = room.len();
+    let source = load_ahead(room, 0..frames, |frame| {
+        frame.robot_id = "demo".into();
+        frame.stamp_ns = now_ns();
+    })?;
+    let progress = Progress::start(client.clone(), frames, watched)?;
+    let report = send(client, pace, source, |report| progress.show(report)).await?;
+    progress.end();
+    Ok(report)
+}
+
+/// What the terminal shows while the robot drives. Memory is asked from the server, like anything
+/// that a client wants to know.
+struct Progress {
+    bar: ProgressBar,
+    watched: bool,
+    memory: tokio::task::JoinHandle<()>,
+}
+
+impl Progress {
+    fn start(client: Client, frames: usize, watched: bool) -> anyhow::Result<Self> {
+        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} frames  {prefix}{msg}")?;
+        let bar = match watched {
+            true => ProgressBar::new(frames as u64).with_style(style),
+            false => ProgressBar::hidden(),
+        };
+        let shown = bar.clone();
+        let memory = tokio::spawn(async move {
+            let mut clock = tokio::time::interval(Duration::from_millis(500));
+            while let Ok(report) = client.map_stats(DEFAULT_MAP).await {
+                shown.set_message(format!(
+                    "map {:.1} MB, process {:.0} MB",
+                    report.stats.map_bytes as f64 * 1e-6,
+                    report.resident_bytes as f64 * 1e-6
+                ));
+                clock.tick().await;
+            }
+        });
+        Ok(Self { bar, watched, memory })
+    }
+
+    fn show(&self, report: &StreamReport) {
+        let line = format!("{:.1} frames/s  epoch {}  ", report.frames_per_second(), report.epoch);
+        self.bar.set_position(report.settled);
+        if !self.watched && report.settled.is_multiple_of(50) {
+            println!("{} frames  {line}{}", report.settled, self.bar.message());
+        }
+        self.bar.set_prefix(line);
+    }
+
+    fn end(self) {
+        self.memory.abort();
+        self.bar.finish();
+    }
+}
+
+/// A place to ask about, and what the room says about it.
+struct Question {
+    point: Vec3,
+    what: &'static str,
+    state: State,
+    /// Not for unknown places.
+    distance_m: f32,
+}
+
+impl Question {
+    fn command(&self, url: &str) -> String {
+        let p = self.point;
+        format!("orenx query {url} --point {:.2},{:.2},{:.2}   # {}", p.x, p.y, p.z, self.what)
+    }
+
+    fn tolerance_m(&self) -> f32 {
+        if self.distance_m.abs() <= NEAR_M { TOLERANCE_NEAR_M } else { TOLERANCE_FAR_M }
+    }
+}
+
+/// Places that the walk sees well, with their exact distances, and one that it cannot see.
+fn questions(room: &Synthetic) -> Vec<Question> {
+    let scene = room.scene(0);
+    let frames: Vec<usize> = (0..room.len()).step_by(10).collect();
+    let draw = |region, what, state, range: std::ops::Range<f32>| {
+        points(room, &frames, region, 400, SEED)
+            .into_iter()
+            .filter(|truth| truth.closest_observed)
+            .filter_map(|truth| as_printed(scene, truth.point))
+            .find(|(_, distance_m)| range.contains(distance_m))
+            .map(|(point, distance_m)| Question { point, what, state, distance_m })
+    };
+    let near = Region::Near { band_m: 0.08 };
+    [
+        draw(Region::Far { clear_m: 0.4 }, "in the open", State::Free, 0.4..0.9),
+        draw(near, "a hand's breadth from a surface", State::Free, 0.04..0.08),
+        draw(near, "inside something solid", State::Occupied, -0.06..-0.03),
+    ]
+    .into_iter()
+    .flatten()
+    .chain([Question {
+        point: Vec3::new(20.0, 0.0, 1.0),
+        what: "where no robot has been",
+        state: State::Unknown,
+        distance_m: f32::NAN,
+    }])
+    .collect()
+}
+
+/// A point as the printed command has it, with its distance, where that is exact.
+fn as_printed(scene: &Scene, point: Vec3) -> Option<(Vec3, f32)> {
+    let printed = (point * 100.0).round() * 0.01;
+    scene.is_exact(printed).then(|| (printed, scene.distance(printed)))
+}
+
+/// Asks what was printed and compares the answers with the room.
+async fn check(client: &Client, questions: &[Question], epoch: u64) -> anyhow::Result<()> {
+    let places: Vec<Vec3> = questions.iter().map(|q| q.point).collect();
+    let reply = client.query_points(DEFAULT_MAP, &places, Fields::ALL, epoch).await?;
+    println!("\nits own answers, of epoch {}:", reply.epoch);
+    let mut wrong = 0;
+    for (i, question) in questions.iter().enumerate() {
+        let (state, distance_m) = (reply.answers.state[i], reply.answers.distance[i]);
+        let error_m = (distance_m - question.distance_m).abs();
+        let (verdict, is_right) = if question.state == State::Unknown {
+            let is_right = state == State::Unknown as u8 && distance_m.is_nan();
+            ("unknown is expected".to_owned(), is_right)
+        } else {
+            let tolerance_m = question.tolerance_m();
+            let text = format!("{:.3} m is exact, {tolerance_m} m allowed", question.distance_m);
+            (text, state == question.state as u8 && error_m <= tolerance_m)
+        };
+        let mark = if is_right { "right" } else { "WRONG" };
+        println!("  {mark}: {}: state {state}, {distance_m:.3} m ({verdict})", question.what);
+        wrong += usize::from(!is_right);
+    }
+    if questions.len() < 4 || wrong > 0 {
+        bail!("{wrong} of {} answers are wrong", questions.len());
+    }
+    Ok(())
+}
+
+/// The wall clock, as a robot stamps its frames.
+fn now_ns() -> i64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as i64)
+}

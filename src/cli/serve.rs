@@ -1,0 +1,68 @@
+//! `orenx serve`: the map server, until Ctrl-C or SIGTERM.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::Args;
+use tokio::net::TcpListener;
+
+use crate::config::{ServerConfig, Settings};
+use crate::serve;
+use crate::service::Service;
+
+/// Serve a map: take frames, answer questions, save at the end
+#[derive(Debug, Args)]
+pub struct ServeArgs {
+    /// Settings; what the file leaves out has its default (deploy/orenx.toml lists every key)
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+}
+
+impl ServeArgs {
+    pub fn run(self) -> anyhow::Result<()> {
+        let settings = match &self.config {
+            Some(path) => Settings::read(path)?,
+            None => Settings::default(),
+        };
+        let (config, map) = ServerConfig::from_settings(&settings)?;
+        let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+        runtime.block_on(async {
+            // The port first: a second server must not wait for a map before it says so.
+            let listener = TcpListener::bind(config.grpc)
+                .await
+                .with_context(|| format!("server.grpc: cannot listen on {}", config.grpc))?;
+            let (service, engine) = Service::start(&config, map)?;
+            let epoch = service.newest().0;
+            println!("orenx serves gRPC on http://{}, epoch {epoch}", listener.local_addr()?);
+            let served = serve::run(listener, service, interrupted()).await;
+            // Joins the mapper: what went wrong there comes back from either.
+            let saved = engine.stop();
+            served?;
+            saved?;
+            match &config.storage {
+                Some(folder) => println!("saved in {}", folder.display()),
+                None => println!("stopped; the map was in memory only"),
+            }
+            Ok(())
+        })
+    }
+}
+
+/// Waits for Ctrl-C or SIGTERM. Where signals cannot be listened to, waits for ever: the process
+/// then ends as the system ends it.
+pub(super) async fn interrupted() {
+    #[cfg(unix)]
+    {
+        use tokio::signal::unix::{SignalKind, signal};
+        if let Ok(mut terminate) = signal(SignalKind::terminate()) {
+            tokio::select! {
+                _ = tokio::signal::ctrl_c() => {}
+                _ = terminate.recv() => {}
+            }
+            return;
+        }
+    }
+    if tokio::signal::ctrl_c().await.is_err() {
+        std::future::pending::<()>().await;
+    }
+}

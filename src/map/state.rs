@@ -1,0 +1,218 @@
+//! What a mapper and a view give to storage and take back.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::mapper::{MapStats, Mapper};
+use super::view::{BRICKS, MapView, NODES, ROWS, Store};
+use crate::backend::BackendState;
+use crate::config::MapConfig;
+use crate::error::{Error, Result};
+use crate::geometry::Aabb;
+use crate::modality::{Decoders, OCCUPANCY_FEATURES, SDF_FEATURES, occupancy, sdf};
+use crate::octree::{Cell, ChildLink, Explicit, NO_NODE, NO_ROW, Root, TopologyState};
+use crate::surface::{Known, Lattice, SurfaceState};
+use crate::train::{KeyFramesState, Schedule};
+
+/// How far a map has come.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Progress {
+    pub stats: MapStats,
+    pub newest_stamp_ns: i64,
+    pub idle_steps: u32,
+    pub schedule: Schedule,
+}
+
+/// A mapper from which another goes on, bit for bit under `fixed`.
+#[derive(Debug)]
+pub struct MapperState<'a> {
+    pub progress: Progress,
+    pub topology: TopologyState<'a>,
+    pub surface: SurfaceState<'a>,
+    pub key_frames: KeyFramesState,
+    pub backend: BackendState,
+}
+
+impl Mapper {
+    /// The whole state, borrowed where it is large.
+    pub fn state(&self) -> MapperState<'_> {
+        MapperState {
+            progress: Progress {
+                stats: self.stats.clone(),
+                newest_stamp_ns: self.newest_stamp_ns,
+                idle_steps: self.idle_steps,
+                schedule: self.schedule.clone(),
+            },
+            topology: self.topology.state(),
+            surface: self.surface.state(),
+            key_frames: self.key_frames.state(),
+            backend: self.backend.export(),
+        }
+    }
+
+    /// A mapper with the settings and the state of another.
+    pub fn from_state(config: MapConfig, state: MapperState<'_>) -> Result<Self> {
+        let mut mapper = Self::new(config)?;
+        mapper.stats = state.progress.stats;
+        mapper.newest_stamp_ns = state.progress.newest_stamp_ns;
+        mapper.idle_steps = state.progress.idle_steps;
+        mapper.schedule = state.progress.schedule;
+        mapper.topology = mapper.topology.with_state(state.topology)?;
+        let rows = mapper.topology.rows();
+        mapper.surface = mapper.surface.with_state(state.surface, rows)?;
+        mapper.key_frames = mapper.key_frames.with_state(state.key_frames)?;
+        if state.backend.learned.len() != rows {
+            return Err(Error::corrupt("learned rows", "differ in number from the octree's"));
+        }
+        mapper.backend.import(state.backend)?;
+        mapper.no_prior.resize(rows, [0.0; 4]);
+        mapper.changed_rows = (0..rows as u32).collect();
+        mapper.changed_bricks = (0..mapper.surface.evidence.bricks() as u32).collect();
+        Ok(mapper)
+    }
+}
+
+/// The small part of a stored view.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ViewRecord {
+    epoch: u64,
+    newest_stamp_ns: i64,
+    root: Option<Root>,
+    bounds: Option<Aabb>,
+    sdf_weights: Vec<f32>,
+    occupancy_weights: Vec<f32>,
+}
+
+/// A stored view: what answers, and nothing else.
+#[derive(Debug)]
+pub struct ViewState {
+    pub record: ViewRecord,
+    pub children: Vec<ChildLink>,
+    pub corners: Vec<[u32; 8]>,
+    pub low_corners: Vec<Cell>,
+    pub log2_sizes: Vec<u8>,
+    pub node_bricks: Vec<u32>,
+    pub explicit: Vec<Explicit>,
+    pub features: Vec<[f32; SDF_FEATURES]>,
+    pub occupancy: Vec<[f32; OCCUPANCY_FEATURES]>,
+    pub known: Vec<Known>,
+}
+
+impl MapView {
+    /// All that the view holds, page by page.
+    pub fn state(&self) -> ViewState {
+        let store = &self.store;
+        let mut state = ViewState {
+            record: ViewRecord {
+                epoch: self.epoch,
+                newest_stamp_ns: self.newest_stamp_ns,
+                root: store.root,
+                bounds: store.bounds,
+                sdf_weights: self.decoders.sdf.weights().to_vec(),
+                occupancy_weights: self.decoders.occupancy.weights().to_vec(),
+            },
+            children: Vec::new(),
+            corners: Vec::new(),
+            low_corners: Vec::new(),
+            log2_sizes: Vec::new(),
+            node_bricks: Vec::new(),
+            explicit: Vec::new(),
+            features: Vec::new(),
+            occupancy: Vec::new(),
+            known: Vec::new(),
+        };
+        for page in store.nodes.pages() {
+            state.children.extend(page.children);
+            state.corners.extend(page.corners);
+            state.low_corners.extend(page.low);
+            state.log2_sizes.extend(page.log2_size);
+            state.node_bricks.extend(page.brick);
+        }
+        for page in store.rows.pages() {
+            state.explicit.extend(page.explicit);
+            state.features.extend(page.feature);
+            state.occupancy.extend(page.occupancy);
+        }
+        state.known.extend(store.bricks.pages().flat_map(|page| page.known));
+        state
+    }
+
+    /// A view from a stored state.
+    pub fn from_state(config: MapConfig, state: ViewState) -> Result<Self> {
+        check(&state)?;
+        let lattice = Lattice::new(&config);
+        let record = state.record;
+        let mut store = Store {
+            root: record.root,
+            unit_m: lattice.unit_m,
+            cell_m: lattice.size_m(lattice.cell),
+            bounds: record.bounds,
+            node_slots: state.children.len(),
+            ..Store::default()
+        };
+        store.nodes.grow(state.children.len().div_ceil(NODES));
+        for node in 0..state.children.len() {
+            let (page, i) = (store.nodes.write(node / NODES), node % NODES);
+            page.children[i] = state.children[node];
+            page.corners[i] = state.corners[node];
+            page.low[i] = state.low_corners[node];
+            page.log2_size[i] = state.log2_sizes[node];
+            page.brick[i] = state.node_bricks[node];
+        }
+        store.rows.grow(state.explicit.len().div_ceil(ROWS));
+        for row in 0..state.explicit.len() {
+            let (page, i) = (store.rows.write(row / ROWS), row % ROWS);
+            page.explicit[i] = state.explicit[row];
+            page.feature[i] = state.features[row];
+            page.occupancy[i] = state.occupancy[row];
+        }
+        store.bricks.grow(state.known.len().div_ceil(BRICKS));
+        for (brick, known) in state.known.iter().enumerate() {
+            store.bricks.write(brick / BRICKS).known[brick % BRICKS] = *known;
+        }
+        let mut decoders = Decoders {
+            sdf: sdf::decoder(&config.hidden, config.seed)?,
+            occupancy: occupancy::decoder(config.seed)?,
+        };
+        for (decoder, weights) in [
+            (&mut decoders.sdf, &record.sdf_weights),
+            (&mut decoders.occupancy, &record.occupancy_weights),
+        ] {
+            if decoder.weights().len() != weights.len() {
+                return Err(Error::corrupt("decoder", "its weights do not fit the settings"));
+            }
+            decoder.update(|own| own.copy_from_slice(weights));
+        }
+        Ok(Self {
+            epoch: record.epoch,
+            newest_stamp_ns: record.newest_stamp_ns,
+            config: Arc::new(config),
+            decoders: Arc::new(decoders),
+            store,
+        })
+    }
+}
+
+/// Every index in a stored view refers to something that is there.
+fn check(state: &ViewState) -> Result<()> {
+    let (slots, rows, bricks) = (state.children.len(), state.explicit.len(), state.known.len());
+    let nodes = [
+        state.corners.len(),
+        state.low_corners.len(),
+        state.log2_sizes.len(),
+        state.node_bricks.len(),
+    ];
+    let row_exists = |r: &u32| *r == NO_ROW || (*r as usize) < rows;
+    let child_exists = |l: &ChildLink| l & 0xff == 0 || (*l >> 8) as usize * 8 + 7 < slots;
+    let brick_exists = |b: &u32| *b == NO_NODE || (*b as usize) < bricks;
+    let fits = nodes.iter().all(|&n| n == slots)
+        && state.features.len() == rows
+        && state.occupancy.len() == rows
+        && state.corners.iter().flatten().all(row_exists)
+        && state.children.iter().all(child_exists)
+        && state.node_bricks.iter().all(brick_exists)
+        && state.log2_sizes.iter().all(|&s| s == u8::MAX || s <= 30)
+        && state.record.root.is_none_or(|r| (r.node as usize) < slots && r.log2_size <= 30);
+    if fits { Ok(()) } else { Err(Error::corrupt("view", "columns do not fit together")) }
+}

@@ -1,0 +1,158 @@
+//! The way up and the way down.
+
+use glam::Vec3;
+use orenx::config::{ServerConfig, Settings};
+use orenx::dataset::Dataset;
+use orenx::dataset::synthetic::Synthetic;
+use orenx::engine::{FrameSink, Queue, QueuePolicy, Reason, Verdict};
+use orenx::map::{Fields, State};
+use orenx::service::{DEFAULT_MAP, Service};
+use orenx::wire::v1::FrameStatus;
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
+
+use super::{good_frame, open_stream, start, verdict};
+
+fn health_of(service: &str) -> HealthCheckRequest {
+    HealthCheckRequest { service: service.into() }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_service_says_that_it_serves() {
+    let server = start(|_| {}).await;
+    let mut health = HealthClient::new(server.channel.clone());
+    for service in ["", "orenx.v1.Ingest", "orenx.v1.Query", "orenx.v1.Maps"] {
+        let reply = health.check(health_of(service)).await.unwrap();
+        assert_eq!(reply.into_inner().status(), ServingStatus::Serving, "{service}");
+    }
+    let status = health.check(health_of("orenx.v1.Attic")).await.expect_err("no such service");
+    assert_eq!(status.code(), tonic::Code::NotFound);
+    server.stop().await.0.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_open_stream_is_told_that_the_server_stops() {
+    let server = start(|_| {}).await;
+    let (frames, mut acks) = open_stream(&server.channel).await;
+    frames.send(good_frame(0)).await.unwrap();
+    assert_eq!(verdict(&mut acks).await.status(), FrameStatus::Integrated);
+    let mut watch =
+        HealthClient::new(server.channel.clone()).watch(health_of("")).await.unwrap().into_inner();
+    assert_eq!(watch.message().await.unwrap().unwrap().status(), ServingStatus::Serving);
+
+    let stopping = tokio::spawn(server.stop());
+    assert_eq!(watch.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
+    drop(watch);
+    let status = acks.message().await.expect_err("the stream ends with a status");
+    assert_eq!(status.code(), tonic::Code::Unavailable, "{status}");
+    drop((frames, acks));
+    let (served, saved) = stopping.await.unwrap();
+    served.unwrap();
+    saved.unwrap();
+}
+
+/// Fails on the mapper's thread, as a bug in it would.
+struct Bomb;
+
+impl FrameSink for Bomb {
+    fn accepted(&mut self, _queue: Queue) {}
+
+    fn settle(self: Box<Self>, verdict: Verdict) {
+        assert!(!matches!(verdict, Verdict::Integrated { .. }), "the bomb in the mapper");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_mapper_that_fails_ends_the_server_with_an_error() {
+    let server = start(|_| {}).await;
+    let mut watch =
+        HealthClient::new(server.channel.clone()).watch(health_of("")).await.unwrap().into_inner();
+    assert_eq!(watch.message().await.unwrap().unwrap().status(), ServingStatus::Serving);
+    let frame = Synthetic::room(100).with_width(64).load(0, false).unwrap();
+    server.service.submit_frame(DEFAULT_MAP, frame, QueuePolicy::Block, Box::new(Bomb)).await;
+    assert_eq!(watch.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
+    drop(watch);
+    let served = server.serving.await.unwrap().expect_err("the mapper failed").to_string();
+    assert!(served.contains("the bomb in the mapper"), "{served}");
+    let ended = server.engine.stop().expect_err("the mapper failed").to_string();
+    assert!(ended.contains("the bomb in the mapper"), "{ended}");
+}
+
+/// Tells the verdict.
+struct Told(tokio::sync::oneshot::Sender<Verdict>);
+
+impl FrameSink for Told {
+    fn accepted(&mut self, _queue: Queue) {}
+
+    fn settle(self: Box<Self>, verdict: Verdict) {
+        self.0.send(verdict).unwrap();
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stopped_server_drops_frames_and_says_why() {
+    let server = start(|_| {}).await;
+    server.service.stop();
+    server.service.ended().await.unwrap();
+    let frame = Synthetic::room(100).with_width(64).load(0, false).unwrap();
+    let (told, verdict) = tokio::sync::oneshot::channel();
+    let sink = Box::new(Told(told));
+    server.service.submit_frame(DEFAULT_MAP, frame, QueuePolicy::Block, sink).await;
+    assert!(matches!(verdict.await.unwrap(), Verdict::Dropped(Reason::Stopping)));
+    let counts = server.service.map_stats(DEFAULT_MAP).unwrap().counts;
+    assert_eq!(counts.dropped, [(Reason::Stopping, 1)]);
+    server.serving.await.unwrap().unwrap();
+    server.engine.stop().unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_map_survives_the_server() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("maps");
+    let places: Vec<Vec3> =
+        (0..500u16).map(|i| Vec3::new(f32::from(i) * 0.01 - 2.5, 0.3, 1.0)).collect();
+
+    let server = start(|settings| settings.storage.path = path.clone()).await;
+    let (frames, mut acks) = open_stream(&server.channel).await;
+    for seq in [0, 30, 60] {
+        frames.send(good_frame(seq)).await.unwrap();
+        assert_eq!(verdict(&mut acks).await.status(), FrameStatus::Integrated);
+    }
+    drop((frames, acks));
+    let before = server.client.query_points(DEFAULT_MAP, &places, Fields::ALL, 3).await.unwrap();
+    let (served, saved) = server.stop().await;
+    served.unwrap();
+    saved.unwrap();
+
+    let server = start(|settings| settings.storage.path = path.clone()).await;
+    let after = server.client.query_points(DEFAULT_MAP, &places, Fields::ALL, 3).await.unwrap();
+    assert_eq!((after.epoch, after.newest_stamp_ns), (3, before.newest_stamp_ns));
+    assert_eq!(after.answers.state, before.answers.state);
+    assert!(after.answers.state.contains(&(State::Free as u8)));
+    let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+    assert_eq!(bits(&after.answers.distance), bits(&before.answers.distance));
+    let (served, saved) = server.stop().await;
+    served.unwrap();
+    saved.unwrap();
+}
+
+#[test]
+fn a_map_that_cannot_be_read_stops_the_start_and_stays_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("default.orenx");
+    std::fs::write(&file, b"no map at all").unwrap();
+    let mut settings = Settings::default();
+    settings.storage.path = folder.path().into();
+    let (config, map) = ServerConfig::from_settings(&settings).unwrap();
+    let error = Service::start(&config, map).err().expect("damaged");
+    assert_eq!(error.exit_code(), 2, "{error}");
+    assert!(error.to_string().contains("default.orenx"), "{error}");
+    assert_eq!(std::fs::read(&file).unwrap(), b"no map at all");
+
+    // A storage folder that is a file.
+    settings.storage.path = file.clone();
+    let (config, map) = ServerConfig::from_settings(&settings).unwrap();
+    let error = Service::start(&config, map).err().expect("not a folder").to_string();
+    assert!(error.contains("default.orenx"), "{error}");
+}
