@@ -113,7 +113,6 @@ fn parameters(profile: Profile) -> StepParameters {
 
 fn steps(criterion: &mut Criterion) {
     let tree = room();
-    println!("room: {} rows", tree.rows());
     for (name, profile) in [("lite", Profile::Lite), ("full", Profile::Full)] {
         let config = config(profile);
         let batches: Vec<Batch> = (0..8).map(|seed| batch(&config, seed)).collect();
