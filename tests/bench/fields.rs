@@ -190,7 +190,7 @@ fn evaluations(criterion: &mut Criterion) {
         group.throughput(Throughput::Elements(QUERY as u64));
         group.bench_function(format!("{name}/distance alone/1 thread"), |bencher| {
             bencher.iter(|| {
-                let answers = Answers { distance: &mut distance, ..Answers::default(), ..Answers::default() };
+                let answers = Answers { distance: &mut distance, ..Answers::default() };
                 evaluate(&tree, &decoders, &points, answers);
             });
         });
@@ -200,6 +200,7 @@ fn evaluations(criterion: &mut Criterion) {
                     distance: &mut distance,
                     gradient: &mut gradient,
                     occupancy: &mut occupancy,
+                    ..Answers::default()
                 };
                 evaluate(&tree, &decoders, &points, answers);
             });
