@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use rayon::prelude::*;
 
 use super::evidence::{BRICK_CELLS, Carved, CellAddress, Evidence, EvidenceState};
+use super::noise::DepthNoise;
 use super::observe::observe;
 use super::prior::{PriorChange, PriorField, PriorState};
 use super::sight::Sight;
@@ -146,10 +147,11 @@ impl Surface {
         topology: &mut Topology,
         pool: &rayon::ThreadPool,
     ) -> SurfaceChange {
+        let noise = DepthNoise::estimate(&frame.depth);
         let Self { surfels, evidence, surfel_stride, carve_stride, .. } = self;
         let ((observations, touched), carved) = pool.join(
             || {
-                let observations = observe(frame, *surfel_stride, pool);
+                let observations = observe(frame, &noise, *surfel_stride, pool);
                 let touched = surfels.fuse(&observations, source, epoch);
                 (observations.len(), touched)
             },
@@ -157,14 +159,14 @@ impl Surface {
         );
         tracing::trace!(observations, touched = touched.len(), "fused");
         self.index_new(&touched);
-        let gone = self.seen_through(frame, &carved.suspects, epoch);
+        let gone = self.seen_through(frame, &noise, &carved.suspects, epoch);
         self.allocate(&touched, &carved, topology);
         self.prior.grow(topology, &self.surfels);
         self.prior.removed(&gone, topology, &self.surfels);
         self.surfels.release(&gone);
         self.seed(&touched, topology);
         self.reopen(&carved.opened, topology);
-        self.see_free(frame, &carved.visited, epoch, topology, pool);
+        self.see_free(frame, &noise, &carved.visited, epoch, topology, pool);
         let mut change = SurfaceChange {
             changed_bricks: carved.changed_bricks,
             surfels_removed: gone.len(),
@@ -213,8 +215,14 @@ impl Surface {
 
     /// Votes on the surfels of cells that rays crossed; removes and returns those that
     /// [`GONE_AFTER`] frames saw through.
-    fn seen_through(&mut self, frame: &Frame, suspects: &[CellAddress], epoch: u32) -> Vec<u32> {
-        let sight = Sight::new(frame);
+    fn seen_through(
+        &mut self,
+        frame: &Frame,
+        noise: &DepthNoise,
+        suspects: &[CellAddress],
+        epoch: u32,
+    ) -> Vec<u32> {
+        let sight = Sight::new(frame, noise);
         let margin = 1.5 * self.surfels.size_m();
         let mut gone = Vec::new();
         for &at in suspects {
@@ -307,12 +315,13 @@ impl Surface {
     fn see_free(
         &mut self,
         frame: &Frame,
+        noise: &DepthNoise,
         bricks: &[u32],
         epoch: u32,
         topology: &Topology,
         pool: &rayon::ThreadPool,
     ) {
-        let sight = Sight::new(frame);
+        let sight = Sight::new(frame, noise);
         let (l, this) = (self.lattice, &*self);
         let in_brick = |&brick: &u32| -> Vec<u32> {
             let cell = this.evidence.brick_cell(brick).map(|c| c << l.cell);

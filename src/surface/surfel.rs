@@ -287,7 +287,7 @@ impl SurfelMap {
         if self.by_key.contains_key(&own) {
             return own;
         }
-        let gate = 0.5 * self.size_m + depth_noise_m(o.depth);
+        let gate = 0.5 * self.size_m + 3.0 * o.sigma_m;
         for side in [-1.0, 1.0] {
             let beside = key(o.point + o.normal * (side * self.size_m), inverse, axis);
             if let Some(&id) = self.by_key.get(&beside) {
@@ -357,13 +357,6 @@ impl SurfelMap {
     }
 }
 
-/// Three standard deviations of a structured-light camera's axial noise at a depth, m (Nguyen et
-/// al. 2012: 1.2 mm + 1.9 mm/m² (z − 0.4 m)²).
-fn depth_noise_m(depth: f32) -> f32 {
-    let z = depth - 0.4;
-    3.0 * (0.0012 + 0.0019 * z * z)
-}
-
 /// 0..6: the axis of the largest component, with its sign.
 fn dominant_axis(normal: Vec3) -> u64 {
     let a = normal.abs();
@@ -395,7 +388,7 @@ mod tests {
     use super::*;
 
     fn observation(point: Vec3, normal: Vec3) -> Observation {
-        Observation { point, normal, weight: 1.0, depth: 1.0 }
+        Observation { point, normal, weight: 1.0, sigma_m: 0.001 }
     }
 
     #[test]
