@@ -104,57 +104,109 @@ struct Plane {
     inliers: u32,
 }
 
-impl Plane {
-    /// Fits twice: to all that may belong to the centre's surface, then to what lies on the plane.
-    fn fit(frame: &Frame, u: i32, v: i32, window: Window, sigma: f32) -> Option<Self> {
-        let z = frame.depth.at(u as u32, v as u32);
-        let spacing = z / frame.intrinsics.fx as f32;
-        // A surface at 80 degrees rises by 6 spacings a pixel.
-        let first = Self::solve(frame, (u, v), window, |du, dv, other| {
-            let rise = (du.abs() + dv.abs()) as f32 * spacing;
-            (other - z).abs() <= 6.0 * rise + 4.0 * sigma
-        })?;
-        let [a, b, c] = first.coefficients;
-        let gate = 3.0 * sigma + 0.001 + 0.25 * window.reach as f32 * spacing;
-        let plane = Self::solve(frame, (u, v), window, |du, dv, other| {
-            let inverse = a + b * du as f32 + c * dv as f32;
-            (other * inverse - 1.0).abs() <= gate * inverse
-        })?;
-        let side = (2 * window.reach / window.step as i32 + 1) as f32;
-        let a = plane.coefficients[0];
-        let believable = a > 0.0 && (1.0 / a - z).abs() <= 4.0 * sigma + 0.5 * gate;
-        (believable && plane.inliers as f32 >= MIN_INLIERS * side * side).then_some(plane)
-    }
+/// Most pixels of a window.
+const MAX_PIXELS: usize = 81;
 
-    /// Least squares over the window's pixels that `belongs` lets in.
-    fn solve(
-        frame: &Frame,
-        (u, v): (i32, i32),
-        window: Window,
-        belongs: impl Fn(i32, i32, f32) -> bool,
-    ) -> Option<Self> {
-        let (width, height) = (frame.depth.width as i32, frame.depth.height as i32);
-        let mut normal = Mat3::ZERO;
-        let mut right = Vec3::ZERO;
-        let mut inliers = 0;
+/// The returns of a window, as offsets from its centre and inverse depths.
+struct Returns {
+    offsets: [(f32, f32); MAX_PIXELS],
+    inverse: [f32; MAX_PIXELS],
+    len: usize,
+    /// Pixels of the window, with or without a return.
+    pixels: usize,
+}
+
+impl Returns {
+    fn gather(frame: &Frame, u: i32, v: i32, window: Window) -> Self {
+        let depth = &frame.depth;
+        let (width, height) = (depth.width as i32, depth.height as i32);
+        let mut returns = Self {
+            offsets: [(0.0, 0.0); MAX_PIXELS],
+            inverse: [0.0; MAX_PIXELS],
+            len: 0,
+            pixels: 0,
+        };
         for dv in (-window.reach..=window.reach).step_by(window.step) {
             for du in (-window.reach..=window.reach).step_by(window.step) {
-                if !(0..width).contains(&(u + du)) || !(0..height).contains(&(v + dv)) {
+                returns.pixels += 1;
+                let (u, v) = (u + du, v + dv);
+                if u < 0 || v < 0 || u >= width || v >= height {
                     continue;
                 }
-                let z = frame.depth.at((u + du) as u32, (v + dv) as u32);
-                if z > 0.0 && belongs(du, dv, z) {
-                    let row = Vec3::new(1.0, du as f32, dv as f32);
-                    normal += Mat3::from_cols(row, row * row.y, row * row.z);
-                    right += row / z;
-                    inliers += 1;
+                let z = depth.at(u as u32, v as u32);
+                if z > 0.0 {
+                    returns.offsets[returns.len] = (du as f32, dv as f32);
+                    returns.inverse[returns.len] = 1.0 / z;
+                    returns.len += 1;
                 }
             }
         }
-        if inliers < 6 || normal.determinant().abs() < 1e-3 {
+        returns
+    }
+
+    /// Drops the returns that do not belong.
+    fn keep(&mut self, belongs: impl Fn(f32, f32, f32) -> bool) {
+        let mut kept = 0;
+        for i in 0..self.len {
+            let ((du, dv), inverse) = (self.offsets[i], self.inverse[i]);
+            if belongs(du, dv, inverse) {
+                self.offsets[kept] = (du, dv);
+                self.inverse[kept] = inverse;
+                kept += 1;
+            }
+        }
+        self.len = kept;
+    }
+
+    /// The least-squares plane.
+    fn plane(&self) -> Option<Plane> {
+        let (mut n, mut r) = ([0.0f32; 6], Vec3::ZERO);
+        for (&(du, dv), &inverse) in self.offsets[..self.len].iter().zip(&self.inverse) {
+            for (sum, term) in n.iter_mut().zip([1.0, du, dv, du * du, du * dv, dv * dv]) {
+                *sum += term;
+            }
+            r += Vec3::new(inverse, inverse * du, inverse * dv);
+        }
+        let normal = Mat3::from_cols_array(&[n[0], n[1], n[2], n[1], n[3], n[4], n[2], n[4], n[5]]);
+        let determinant = normal.determinant();
+        if self.len < 6 || determinant.abs() < 1e-3 {
             return None;
         }
-        let solution = normal.inverse() * right;
-        Some(Self { coefficients: solution.to_array(), inliers })
+        // A whole window is symmetric: the matrix is diagonal.
+        let coefficients = if n[1] == 0.0 && n[2] == 0.0 && n[4] == 0.0 {
+            r / Vec3::new(n[0], n[3], n[5])
+        } else {
+            normal.inverse() * r
+        };
+        Some(Plane { coefficients: coefficients.to_array(), inliers: self.len as u32 })
+    }
+}
+
+impl Plane {
+    /// Fits to all that may belong to the centre's surface and, if some of that does not lie on
+    /// the plane, once more to what does.
+    fn fit(frame: &Frame, u: i32, v: i32, window: Window, sigma: f32) -> Option<Self> {
+        let z = frame.depth.at(u as u32, v as u32);
+        let spacing = z / frame.intrinsics.fx as f32;
+        let mut returns = Returns::gather(frame, u, v, window);
+        // A surface at 80 degrees rises by 6 spacings a pixel.
+        returns.keep(|du, dv, inverse| {
+            let rise = (du.abs() + dv.abs()) * spacing;
+            (1.0 - z * inverse).abs() <= (6.0 * rise + 4.0 * sigma) * inverse
+        });
+        let mut plane = returns.plane()?;
+        let [a, b, c] = plane.coefficients;
+        let gate = 3.0 * sigma + 0.001 + 0.25 * window.reach as f32 * spacing;
+        returns.keep(|du, dv, inverse| {
+            let fitted = a + b * du + c * dv;
+            (fitted - inverse).abs() <= gate * fitted * inverse
+        });
+        if returns.len < plane.inliers as usize {
+            plane = returns.plane()?;
+        }
+        let a = plane.coefficients[0];
+        let believable = a > 0.0 && (1.0 / a - z).abs() <= 4.0 * sigma + 0.5 * gate;
+        let enough = plane.inliers as f32 >= MIN_INLIERS * returns.pixels as f32;
+        (believable && enough).then_some(plane)
     }
 }
