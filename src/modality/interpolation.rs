@@ -2,8 +2,12 @@
 //!
 //! Corner k has bit 0 = x, bit 1 = y, bit 2 = z. The eight corners lie in eight lanes, as plain
 //! arrays that the compiler turns into vectors.
+#![allow(
+    clippy::needless_range_loop,
+    reason = "lanes are indexed alike in every array of an expression"
+)]
 
-use super::Explicit;
+use crate::octree::Explicit;
 
 /// One number for each corner.
 pub type Corners = [f32; 8];
@@ -29,70 +33,103 @@ pub struct Place {
 
 /// Rows to columns.
 #[inline(always)]
-pub fn by_column(rows: [Explicit; 8]) -> ExplicitCorners {
-    std::array::from_fn(|c| std::array::from_fn(|k| rows[k][c]))
+pub fn by_column(rows: [&Explicit; 8]) -> ExplicitCorners {
+    let mut columns = [[0.0; 8]; 4];
+    for k in 0..8 {
+        for (column, value) in columns.iter_mut().zip(rows[k]) {
+            column[k] = *value;
+        }
+    }
+    columns
 }
 
+// No closures below: they would be compiled outside the kernels' instruction set.
 impl Place {
     /// x − x_k by axis, m.
     #[inline(always)]
-    pub fn from_corners(&self) -> [Corners; 3] {
-        std::array::from_fn(|axis| {
-            std::array::from_fn(|k| self.offset_m[axis] - self.size_m * UPPER[axis][k])
-        })
+    fn offsets_from_corners(&self) -> [Corners; 3] {
+        let mut from = [[0.0; 8]; 3];
+        for axis in 0..3 {
+            for k in 0..8 {
+                from[axis][k] = self.offset_m[axis] - self.size_m * UPPER[axis][k];
+            }
+        }
+        from
     }
 
     /// The factors of the trilinear weights, by axis: 1 − t on the lower side, t on the upper.
     #[inline(always)]
     fn factors(&self) -> [Corners; 3] {
         let scale = 1.0 / self.size_m;
-        std::array::from_fn(|axis| {
+        let mut factors = [[0.0; 8]; 3];
+        for axis in 0..3 {
             let t = self.offset_m[axis] * scale;
-            std::array::from_fn(|k| if UPPER[axis][k] > 0.0 { t } else { 1.0 - t })
-        })
+            for k in 0..8 {
+                factors[axis][k] = if UPPER[axis][k] > 0.0 { t } else { 1.0 - t };
+            }
+        }
+        factors
     }
 
     /// The trilinear weights w_k.
     #[inline(always)]
     pub fn weights(&self) -> Corners {
         let f = self.factors();
-        std::array::from_fn(|k| f[0][k] * f[1][k] * f[2][k])
+        let mut weights = [0.0; 8];
+        for k in 0..8 {
+            weights[k] = f[0][k] * f[1][k] * f[2][k];
+        }
+        weights
     }
 
     /// d_ga, m.
     #[inline(always)]
     pub fn distance(&self, weights: &Corners, explicit: &ExplicitCorners) -> f32 {
-        let terms = self.extrapolated(explicit);
-        sum(std::array::from_fn(|k| weights[k] * terms[k]))
+        let mut terms = self.extrapolated(explicit);
+        for k in 0..8 {
+            terms[k] *= weights[k];
+        }
+        sum(terms)
     }
 
     /// d_ga and its gradient.
     #[inline(always)]
-    pub fn distance_and_gradient(&self, explicit: &ExplicitCorners) -> (f32, [f32; 3]) {
+    pub fn distance_and_gradient(
+        &self,
+        weights: &Corners,
+        explicit: &ExplicitCorners,
+    ) -> (f32, [f32; 3]) {
         let f = self.factors();
         let terms = self.extrapolated(explicit);
         let scale = 1.0 / self.size_m;
-        let distance = sum(std::array::from_fn(|k| f[0][k] * f[1][k] * f[2][k] * terms[k]));
-        let gradient = std::array::from_fn(|axis| {
-            let (a, b) = (f[(axis + 1) % 3], f[(axis + 2) % 3]);
-            let along = &f[axis];
-            sum(std::array::from_fn(|k| {
+        let mut gradient = [0.0; 3];
+        for axis in 0..3 {
+            let (a, b) = (&f[(axis + 1) % 3], &f[(axis + 2) % 3]);
+            let mut shares = [0.0; 8];
+            for k in 0..8 {
                 let slope = if UPPER[axis][k] > 0.0 { scale } else { -scale };
-                a[k] * b[k] * (slope * terms[k] + along[k] * explicit[1 + axis][k])
-            }))
-        });
-        (distance, gradient)
+                let along = weights[k] * explicit[1 + axis][k];
+                shares[k] = a[k] * b[k] * (slope * terms[k]) + along;
+            }
+            gradient[axis] = sum(shares);
+        }
+        let mut shares = terms;
+        for k in 0..8 {
+            shares[k] *= weights[k];
+        }
+        (sum(shares), gradient)
     }
 
     /// D_k + G_kᵀ(x − x_k).
     #[inline(always)]
     fn extrapolated(&self, explicit: &ExplicitCorners) -> Corners {
-        let from = self.from_corners();
-        std::array::from_fn(|k| {
-            explicit[0][k]
-                + (explicit[1][k] * from[0][k]
-                    + (explicit[2][k] * from[1][k] + explicit[3][k] * from[2][k]))
-        })
+        let from = self.offsets_from_corners();
+        let mut terms = explicit[0];
+        for k in 0..8 {
+            terms[k] += explicit[1][k] * from[0][k]
+                + (explicit[2][k] * from[1][k] + explicit[3][k] * from[2][k]);
+        }
+        terms
     }
 }
 
@@ -104,7 +141,7 @@ pub fn spread(
     by_distance: f32,
     by_explicit: &mut ExplicitCorners,
 ) {
-    let from = place.from_corners();
+    let from = place.offsets_from_corners();
     for k in 0..8 {
         let share = weights[k] * by_distance;
         by_explicit[0][k] += share;
@@ -126,10 +163,11 @@ mod tests {
 
     /// Rows of an affine field a + bᵀx at the corners of a voxel at the origin.
     fn affine(size: f32, a: f32, b: [f32; 3]) -> ExplicitCorners {
-        by_column(std::array::from_fn(|k| {
+        let rows: [Explicit; 8] = std::array::from_fn(|k| {
             let at: [f32; 3] = std::array::from_fn(|axis| size * UPPER[axis][k]);
             [a + b[0] * at[0] + b[1] * at[1] + b[2] * at[2], b[0], b[1], b[2]]
-        }))
+        });
+        by_column(rows.each_ref())
     }
 
     #[test]
@@ -137,7 +175,7 @@ mod tests {
         let explicit = affine(0.2, 0.3, [0.6, -0.8, 0.1]);
         let place = Place { offset_m: [0.05, 0.17, 0.11], size_m: 0.2 };
         let expected = 0.3 + 0.6 * 0.05 - 0.8 * 0.17 + 0.1 * 0.11;
-        let (d, g) = place.distance_and_gradient(&explicit);
+        let (d, g) = place.distance_and_gradient(&place.weights(), &explicit);
         assert!((d - expected).abs() < 1e-6);
         assert!((place.distance(&place.weights(), &explicit) - d).abs() < 1e-7);
         for (found, expected) in g.iter().zip([0.6, -0.8, 0.1]) {
@@ -153,7 +191,7 @@ mod tests {
             })
         });
         let place = Place { offset_m: [0.03, 0.06, 0.08], size_m: 0.1 };
-        let (_, gradient) = place.distance_and_gradient(&explicit);
+        let (_, gradient) = place.distance_and_gradient(&place.weights(), &explicit);
         for (axis, found) in gradient.iter().enumerate() {
             let at = |by: f32| {
                 let mut moved = place;

@@ -131,15 +131,15 @@ impl<'a, S: NodeSource + ?Sized> Lookup<'a, S> {
     #[inline]
     fn offset(&self, point: Vec3) -> Option<[u32; 3]> {
         let min = self.root.min;
-        let cell = (point / self.unit_m).floor();
+        let at = point / self.unit_m;
         let low = Vec3::new(min[0] as f32, min[1] as f32, min[2] as f32);
         let span = (1u64 << self.root.log2_size) as f32;
         // Not a number fails this comparison too.
-        (cell.cmpge(low).all() && cell.cmplt(low + Vec3::splat(span)).all()).then(|| {
+        (at.cmpge(low).all() && at.cmplt(low + Vec3::splat(span)).all()).then(|| {
             [
-                (cell.x as i32).wrapping_sub(min[0]) as u32,
-                (cell.y as i32).wrapping_sub(min[1]) as u32,
-                (cell.z as i32).wrapping_sub(min[2]) as u32,
+                floor(at.x).wrapping_sub(min[0]) as u32,
+                floor(at.y).wrapping_sub(min[1]) as u32,
+                floor(at.z).wrapping_sub(min[2]) as u32,
             ]
         })
     }
@@ -180,6 +180,13 @@ impl<'a, S: NodeSource + ?Sized> Lookup<'a, S> {
             size_m: (1u64 << shift) as f32 * self.unit_m,
         }
     }
+}
+
+/// The integer at or below `x`, which fits; plain x86-64 has no instruction for `f32::floor`.
+#[inline]
+fn floor(x: f32) -> i32 {
+    let towards_zero = x as i32;
+    towards_zero - i32::from(towards_zero as f32 > x)
 }
 
 /// The octant of a cell at one level.

@@ -71,7 +71,7 @@ impl Topology {
         }
     }
 
-    /// Everything that [`Topology::from_state`] needs to go on as if it had not stopped.
+    /// Everything that [`Topology::with_state`] needs to go on as if it had not stopped.
     pub fn state(&self) -> TopologyState<'_> {
         TopologyState {
             root: self.root,
@@ -188,6 +188,38 @@ impl Topology {
             }
         }
         Some(node)
+    }
+
+    /// Visits the corner rows of all voxels within the voxel of 2^`log2` units that contains
+    /// `cell`, if it exists; rows of shared corners more than once.
+    pub fn visit_rows(&self, cell: Cell, log2: u8, visit: &mut impl FnMut(u32)) {
+        let Some(root) = self.root else { return };
+        let offset: [u32; 3] = std::array::from_fn(|a| cell[a].wrapping_sub(root.min[a]) as u32);
+        if offset.iter().any(|&o| u64::from(o) >> root.log2_size != 0) {
+            return;
+        }
+        let (mut node, mut shift) = (root.node, root.log2_size);
+        while shift > log2 {
+            shift -= 1;
+            match self.child(node, octant_of(offset, shift)) {
+                Some(child) => node = child,
+                None => return,
+            }
+        }
+        self.visit_subtree(node, visit);
+    }
+
+    fn visit_subtree(&self, node: u32, visit: &mut impl FnMut(u32)) {
+        for &row in &self.corners[node as usize] {
+            if row != NO_ROW {
+                visit(row);
+            }
+        }
+        for octant in 0..8 {
+            if let Some(child) = self.child(node, octant) {
+                self.visit_subtree(child, visit);
+            }
+        }
     }
 
     /// The row of the vertex at a lattice coordinate.

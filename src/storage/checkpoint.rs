@@ -38,6 +38,7 @@ const CELL_SURFELS: Tag = Tag(*b"ESUR");
 const PRIOR_NEAREST: Tag = Tag(*b"PNEA");
 const PRIOR_REACH: Tag = Tag(*b"PREA");
 const PRIOR_VALUES: Tag = Tag(*b"PVAL");
+const PRIOR_SEEN: Tag = Tag(*b"PSEE");
 const PRIOR_NEXT: Tag = Tag(*b"PNXT");
 const PRIOR_PREVIOUS: Tag = Tag(*b"PPRV");
 const PRIOR_HEADS: Tag = Tag(*b"PHEA");
@@ -58,7 +59,7 @@ const VIEW_EXPLICIT: Tag = Tag(*b"VEXP");
 const VIEW_FEATURES: Tag = Tag(*b"VFEA");
 const VIEW_OCCUPANCY: Tag = Tag(*b"VOCC");
 
-const ALL: [Tag; 41] = [
+const ALL: [Tag; 42] = [
     KIND,
     CONFIG,
     PROGRESS,
@@ -81,6 +82,7 @@ const ALL: [Tag; 41] = [
     PRIOR_NEAREST,
     PRIOR_REACH,
     PRIOR_VALUES,
+    PRIOR_SEEN,
     PRIOR_NEXT,
     PRIOR_PREVIOUS,
     PRIOR_HEADS,
@@ -208,6 +210,7 @@ fn put_surface<'a>(out: &mut Sections<'a>, state: &'a SurfaceState<'_>) -> Resul
     out.put_array(PRIOR_NEAREST, &state.prior.nearest)?;
     out.put_array(PRIOR_REACH, &state.prior.reach)?;
     out.put_array(PRIOR_VALUES, &state.prior.values)?;
+    out.put_array(PRIOR_SEEN, &state.prior.seen_free)?;
     out.put_array(PRIOR_NEXT, &state.prior.next)?;
     out.put_array(PRIOR_PREVIOUS, &state.prior.previous)?;
     out.put_array(PRIOR_HEADS, &state.prior.heads)?;
@@ -268,6 +271,7 @@ fn take_surface(from: &mut Sections<'_>) -> Result<SurfaceState<'static>> {
             nearest: owned(from, PRIOR_NEAREST)?,
             reach: owned(from, PRIOR_REACH)?,
             values: owned(from, PRIOR_VALUES)?,
+            seen_free: owned(from, PRIOR_SEEN)?,
             next: owned(from, PRIOR_NEXT)?,
             previous: owned(from, PRIOR_PREVIOUS)?,
             heads: owned(from, PRIOR_HEADS)?,

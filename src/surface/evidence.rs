@@ -48,6 +48,8 @@ pub struct Carved {
     pub changed_bricks: Vec<u32>,
     /// Bricks that found no room.
     pub refused: u64,
+    /// Bricks that a ray touched.
+    pub visited: Vec<u32>,
 }
 
 /// The grid, column by column: one entry a brick, or [`CELLS`] entries a brick.
@@ -65,6 +67,8 @@ pub struct Evidence {
     hit: Vec<u32>,
     /// First surfel of the cell.
     surfels: Vec<u32>,
+    /// Epoch that last touched the brick, while it is carved.
+    visited: Vec<u32>,
     index: FxHashMap<u64, u32>,
     max_bricks: usize,
     /// Keys of bricks that found no room in the frame in hand; may hold repeats.
@@ -83,8 +87,8 @@ pub struct EvidenceState<'a> {
 }
 
 impl Evidence {
-    /// What a brick takes, bytes: its cells, its masks and place, and its key in the index.
-    pub const BRICK_BYTES: usize = CELLS * (1 + 4 + 4 + 4) + 64 + 12 + 16;
+    /// What a brick takes, bytes: its cells, its mask, place and mark, and its key in the index.
+    pub const BRICK_BYTES: usize = CELLS * (1 + 4 + 4 + 4) + 64 + 12 + 4 + 16;
 
     /// An empty grid with cells of `cell_m`.
     pub fn new(cell_m: f32) -> Self {
@@ -96,6 +100,7 @@ impl Evidence {
             crossed: Vec::new(),
             hit: Vec::new(),
             surfels: Vec::new(),
+            visited: Vec::new(),
             index: FxHashMap::default(),
             max_bricks: NO_BRICK as usize,
             refused: Vec::new(),
@@ -131,6 +136,7 @@ impl Evidence {
         self.crossed = state.crossed.into_owned();
         self.hit = state.hit.into_owned();
         self.surfels = state.surfels.into_owned();
+        self.visited = vec![0; bricks];
         let places = self.bricks.iter().enumerate();
         self.index = places.map(|(i, &b)| (pack(b), i as u32)).collect();
         Ok(self)
@@ -256,6 +262,7 @@ impl Evidence {
             return;
         }
         self.hit[i] = epoch;
+        self.visit(at.brick, epoch, carved);
         self.log_odds[i] = (self.log_odds[i] + 1).min(FLIP);
         if self.mark_known(at) {
             carved.changed_bricks.push(at.brick);
@@ -306,6 +313,7 @@ impl Evidence {
         }
         let first = self.crossed[i] == 0;
         self.crossed[i] = epoch;
+        self.visit(at.brick, epoch, carved);
         self.log_odds[i] = (self.log_odds[i] - 1).max(-FLIP);
         if self.mark_known(at) {
             carved.changed_bricks.push(at.brick);
@@ -315,6 +323,13 @@ impl Evidence {
         }
         if self.surfels[i] != NO_SURFEL {
             carved.suspects.push(at);
+        }
+    }
+
+    #[inline]
+    fn visit(&mut self, brick: u32, epoch: u32, carved: &mut Carved) {
+        if std::mem::replace(&mut self.visited[brick as usize], epoch) != epoch {
+            carved.visited.push(brick);
         }
     }
 
@@ -352,6 +367,7 @@ impl Evidence {
         if id == next {
             self.bricks.push(brick);
             self.known.push([0; 8]);
+            self.visited.push(0);
             let cells = self.bricks.len() * CELLS;
             self.log_odds.resize(cells, 0);
             self.crossed.resize(cells, 0);

@@ -2,11 +2,12 @@
 
 use std::borrow::Cow;
 
-use glam::Vec3;
+use rayon::prelude::*;
 
 use super::evidence::{BRICK_CELLS, Carved, CellAddress, Evidence, EvidenceState};
 use super::observe::observe;
 use super::prior::{PriorChange, PriorField, PriorState};
+use super::sight::Sight;
 use super::split;
 use super::surfel::{NO_SURFEL, SurfelMap, SurfelState, Touch};
 use crate::config::MapConfig;
@@ -18,6 +19,8 @@ use crate::octree::{Cell, NO_ROW, NodeSource, Topology, cell_of};
 pub const NEAR_M: f32 = 0.1;
 /// Edge length of leaves in observed free space, m.
 const FREE_LEAF_M: f32 = 0.2;
+/// A vertex is seen free if the returns behind it are farther by this, m.
+const FREE_MARGIN_M: f32 = 0.01;
 /// A surfel that this many frames saw through is gone.
 const GONE_AFTER: u32 = 8;
 
@@ -157,6 +160,7 @@ impl Surface {
         self.surfels.release(&gone);
         self.seed(&touched, topology);
         self.reopen(&carved.opened, topology);
+        self.see_free(frame, &carved.visited, epoch, topology, pool);
         let mut change = SurfaceChange {
             changed_bricks: carved.changed_bricks,
             surfels_removed: gone.len(),
@@ -225,8 +229,7 @@ impl Surface {
     /// Votes on the surfels of cells that rays crossed; removes and returns those that
     /// [`GONE_AFTER`] frames saw through.
     fn seen_through(&mut self, frame: &Frame, suspects: &[CellAddress], epoch: u32) -> Vec<u32> {
-        let inverse = frame.world_from_camera.inverse();
-        let (rotation, translation) = (inverse.rotation_f32(), inverse.position_f32());
+        let sight = Sight::new(frame);
         let margin = 1.5 * self.surfels.size_m();
         let mut gone = Vec::new();
         for &at in suspects {
@@ -234,9 +237,8 @@ impl Surface {
             while id != NO_SURFEL {
                 let surfel = *self.surfels.get(id);
                 let next = self.surfels.link(id).next_in_cell;
-                let point = rotation * surfel.position + translation;
-                let verdict =
-                    (surfel.born != epoch).then(|| seen_through(frame, point, margin)).flatten();
+                let judged = surfel.born != epoch;
+                let verdict = judged.then(|| sight.through(surfel.position, margin)).flatten();
                 let lost = verdict.is_some_and(|v| self.surfels.vote(id, v) >= GONE_AFTER && v);
                 if lost {
                     self.surfels.remove(id);
@@ -303,6 +305,9 @@ impl Surface {
     fn seed(&mut self, touched: &[(u32, Touch)], topology: &Topology) {
         let inverse = 1.0 / self.lattice.unit_m;
         for &(id, touch) in touched {
+            if !self.surfels.get(id).alive() {
+                continue; // it moved, and the same frame saw through it once too often
+            }
             if touch == Touch::Moved {
                 self.prior.moved(id, topology, &self.surfels);
             }
@@ -313,6 +318,39 @@ impl Surface {
                     self.prior.offer(row, id, topology, &self.surfels);
                 }
             }
+        }
+    }
+
+    /// Vertices that a surfel's plane calls "behind" but the frame sees through.
+    fn see_free(
+        &mut self,
+        frame: &Frame,
+        bricks: &[u32],
+        epoch: u32,
+        topology: &Topology,
+        pool: &rayon::ThreadPool,
+    ) {
+        let sight = Sight::new(frame);
+        let (l, this) = (self.lattice, &*self);
+        let in_brick = |&brick: &u32| -> Vec<u32> {
+            let cell = this.evidence.brick_cell(brick).map(|c| c << l.cell);
+            let mut rows = Vec::new();
+            topology.visit_rows(cell, l.brick, &mut |row| {
+                let surfel = this.prior.nearest(row);
+                let doubtful = surfel != NO_SURFEL
+                    && this.prior.seen_free(row) < this.surfels.get(surfel).born
+                    && this.prior.values()[row as usize][0] < 0.0;
+                let place = topology.positions()[row as usize];
+                if doubtful && sight.through(place, FREE_MARGIN_M) == Some(true) {
+                    rows.push(row);
+                }
+            });
+            rows
+        };
+        let seen: Vec<Vec<u32>> =
+            pool.install(|| bricks.par_iter().with_min_len(4).map(in_brick).collect());
+        for row in seen.into_iter().flatten() {
+            self.prior.see_free(row, epoch);
         }
     }
 
@@ -339,27 +377,4 @@ fn push_ring(center: Cell, reach: i32, ring: &mut Vec<Cell>) {
             }
         }
     }
-}
-
-/// Whether a frame sees through a point (camera axes): all returns around its pixel lie farther
-/// by more than a margin. `None` where the frame says nothing about it.
-fn seen_through(frame: &Frame, point: Vec3, margin: f32) -> Option<bool> {
-    let (u, v) = frame.intrinsics.project(point)?;
-    let (u, v) = (u.round(), v.round());
-    let (width, height) = (frame.intrinsics.width as f32, frame.intrinsics.height as f32);
-    if u < 1.0 || v < 1.0 || u > width - 2.0 || v > height - 2.0 {
-        return None;
-    }
-    let margin = margin.max(0.02 * point.z);
-    let mut nearest = f32::INFINITY;
-    for (du, dv) in [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)] {
-        let z = frame.depth.at((u as i32 + du) as u32, (v as i32 + dv) as u32);
-        if z > 0.0 {
-            nearest = nearest.min(z);
-        }
-    }
-    if nearest == f32::INFINITY || nearest < point.z - margin {
-        return None;
-    }
-    Some(nearest > point.z + margin)
 }

@@ -4,6 +4,7 @@
 use glam::{IVec3, Vec3};
 
 use super::fusion::{NEAR_M, Surface};
+use super::split::nearest_corner;
 use super::surfel::NO_SURFEL;
 use crate::octree::{NodeSource, Topology, locate};
 
@@ -33,7 +34,9 @@ impl Surface {
         if reach < NEAR_M * NEAR_M {
             best = self.nearest_within(point, best, reach);
         }
-        let value = self.prior.measure(point, best, &self.surfels, &self.evidence);
+        let corner = nearest_corner((point - at.min_m) / at.size_m);
+        let seen_free = self.prior.seen_free(topology.corners(at.node)[corner]);
+        let value = self.prior.measure(point, best, seen_free, &self.surfels, &self.evidence);
         Some((value[0], Vec3::new(value[1], value[2], value[3])))
     }
 

@@ -6,6 +6,7 @@ mod fusion;
 mod label;
 mod observe;
 mod prior;
+mod sight;
 mod split;
 mod surfel;
 

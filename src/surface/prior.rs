@@ -24,6 +24,8 @@ pub struct PriorField {
     /// Distance to the centre of the nearest surfel, m.
     reach: Vec<f32>,
     values: Vec<Explicit>,
+    /// Epoch that last saw through the vertex; 0 for never.
+    seen_free: Vec<u32>,
     /// Intrusive lists: the vertices of each surfel.
     next: Vec<u32>,
     previous: Vec<u32>,
@@ -37,6 +39,7 @@ pub struct PriorState<'a> {
     pub nearest: Cow<'a, [u32]>,
     pub reach: Cow<'a, [f32]>,
     pub values: Cow<'a, [Explicit]>,
+    pub seen_free: Cow<'a, [u32]>,
     pub next: Cow<'a, [u32]>,
     pub previous: Cow<'a, [u32]>,
     pub heads: Cow<'a, [u32]>,
@@ -64,8 +67,8 @@ pub struct PriorChange {
 const VOID_M: f32 = 0.005;
 
 impl PriorField {
-    /// What a row takes, bytes: nearest surfel, reach, value, list links and two flags.
-    pub const ROW_BYTES: usize = 4 + 4 + 16 + 8 + 2;
+    /// What a row takes, bytes: nearest surfel, reach, value, epoch seen free, list links, two flags.
+    pub const ROW_BYTES: usize = 4 + 4 + 16 + 4 + 8 + 2;
 
     /// An empty field with distances up to `max_distance_m`.
     pub fn new(max_distance_m: f32) -> Self {
@@ -74,6 +77,7 @@ impl PriorField {
             nearest: Vec::new(),
             reach: Vec::new(),
             values: Vec::new(),
+            seen_free: Vec::new(),
             next: Vec::new(),
             previous: Vec::new(),
             heads: Vec::new(),
@@ -92,6 +96,18 @@ impl PriorField {
         self.nearest[row as usize]
     }
 
+    /// Epoch that last saw through a vertex; 0 for never.
+    #[inline]
+    pub fn seen_free(&self, row: u32) -> u32 {
+        self.seen_free[row as usize]
+    }
+
+    /// Notes that a frame saw through a vertex.
+    pub fn see_free(&mut self, row: u32, epoch: u32) {
+        self.seen_free[row as usize] = epoch;
+        self.mark(row);
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         (self.nearest.len() * Self::ROW_BYTES + self.heads.len() * 4) as u64
@@ -103,6 +119,7 @@ impl PriorField {
         self.nearest.resize(to, NO_SURFEL);
         self.reach.resize(to, f32::INFINITY);
         self.values.resize(to, [self.max_distance_m, 0.0, 0.0, 0.0]);
+        self.seen_free.resize(to, 0);
         self.next.resize(to, END);
         self.previous.resize(to, END);
         self.work.queued.resize(to, false);
@@ -119,6 +136,7 @@ impl PriorField {
             nearest: Cow::Borrowed(&self.nearest),
             reach: Cow::Borrowed(&self.reach),
             values: Cow::Borrowed(&self.values),
+            seen_free: Cow::Borrowed(&self.seen_free),
             next: Cow::Borrowed(&self.next),
             previous: Cow::Borrowed(&self.previous),
             heads: Cow::Borrowed(&self.heads),
@@ -136,6 +154,7 @@ impl PriorField {
             state.nearest.len(),
             state.reach.len(),
             state.values.len(),
+            state.seen_free.len(),
             state.next.len(),
             state.previous.len(),
         ];
@@ -151,6 +170,7 @@ impl PriorField {
         self.nearest = state.nearest.into_owned();
         self.reach = state.reach.into_owned();
         self.values = state.values.into_owned();
+        self.seen_free = state.seen_free.into_owned();
         self.next = state.next.into_owned();
         self.previous = state.previous.into_owned();
         self.heads = state.heads.into_owned();
@@ -251,7 +271,8 @@ impl PriorField {
         let rows = std::mem::take(&mut self.work.changed);
         let measure = |&row: &u32| {
             let position = topology.positions()[row as usize];
-            self.measure(position, self.nearest[row as usize], surfels, evidence)
+            let seen_free = self.seen_free[row as usize];
+            self.measure(position, self.nearest[row as usize], seen_free, surfels, evidence)
         };
         let values: Vec<Explicit> =
             pool.install(|| rows.par_iter().with_min_len(512).map(measure).collect());
@@ -269,14 +290,17 @@ impl PriorField {
         change
     }
 
-    /// Distance and gradient at a place whose nearest surfel is given.
+    /// Distance and gradient at a place whose nearest surfel is given, and the epoch that last
+    /// saw through it or through its nearest vertex.
     ///
-    /// Near the surface the sign is the surfel's; farther away, a cell that was crossed since the
-    /// surfel was born is outside whatever the nearest surfel says (algorithms.md §13).
+    /// The sign is the surfel's, unless the place was seen free since the surfel was born: a
+    /// plane that reaches past its edge says "behind" of places in the open. Farther than the
+    /// evidence is coarse, a crossed cell says the same (algorithms.md §13).
     pub fn measure(
         &self,
         position: Vec3,
         surfel: u32,
+        seen_free: u32,
         surfels: &SurfelMap,
         evidence: &Evidence,
     ) -> Explicit {
@@ -285,9 +309,11 @@ impl PriorField {
         }
         let surfel = surfels.get(surfel);
         let (mut d, mut g) = surfel.signed_distance(position, surfels.radius_m());
-        if d < -1.8 * evidence.cell_m()
-            && evidence.free_since(position).is_some_and(|epoch| epoch >= surfel.born)
-        {
+        let crossed = || {
+            d < -1.8 * evidence.cell_m()
+                && evidence.free_since(position).is_some_and(|epoch| epoch >= surfel.born)
+        };
+        if d < 0.0 && (seen_free >= surfel.born || crossed()) {
             (d, g) = (-d, -g);
         }
         [d, g.x, g.y, g.z]

@@ -49,10 +49,17 @@ fn errs(surface: &Surface, topology: &Topology, node: u32, limit_m: f32) -> bool
             return false;
         }
         let point = low + local * size;
-        let direct = direct(surface, point, &nearest);
+        let direct = direct(surface, point, &nearest, corners[nearest_corner(local)]);
         let observed = direct.abs() <= NEAR_M || surface.evidence.is_known(point);
         observed && (interpolate(&values, local, size) - direct).abs() > limit_m
     })
+}
+
+/// The corner of a voxel that a local coordinate within 0..=1 is nearest to.
+pub(super) fn nearest_corner(local: Vec3) -> usize {
+    usize::from(local.x >= 0.5)
+        | usize::from(local.y >= 0.5) << 1
+        | usize::from(local.z >= 0.5) << 2
 }
 
 fn octant_center(octant: u32) -> Vec3 {
@@ -60,7 +67,7 @@ fn octant_center(octant: u32) -> Vec3 {
 }
 
 /// The surfels' own distance at a point, from the nearest of the corners' surfels.
-fn direct(surface: &Surface, point: Vec3, nearest: &[u32; 8]) -> f32 {
+fn direct(surface: &Surface, point: Vec3, nearest: &[u32; 8], corner: u32) -> f32 {
     let (mut best, mut reach, mut last) = (NO_SURFEL, f32::INFINITY, NO_SURFEL);
     for &id in nearest {
         if id == NO_SURFEL || id == last {
@@ -72,7 +79,8 @@ fn direct(surface: &Surface, point: Vec3, nearest: &[u32; 8]) -> f32 {
             (best, reach) = (id, distance);
         }
     }
-    surface.prior.measure(point, best, &surface.surfels, &surface.evidence)[0]
+    let seen_free = surface.prior.seen_free(corner);
+    surface.prior.measure(point, best, seen_free, &surface.surfels, &surface.evidence)[0]
 }
 
 /// Gradient-augmented trilinear interpolation (algorithms.md §2).

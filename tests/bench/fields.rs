@@ -1,4 +1,5 @@
 //! What training and reading the fields cost on the CPU, on one thread and on two.
+#![allow(clippy::print_stdout, reason = "a benchmark prints what it measures")]
 #![allow(clippy::expect_used, reason = "a benchmark reports by panicking")]
 
 use std::hint::black_box;
@@ -6,13 +7,14 @@ use std::sync::Arc;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use glam::Vec3;
-use orenx::backend::{Backend, Batch, CpuBackend, Host, SampleKind, StepParameters};
+use orenx::backend::{Backend, CpuBackend, Host, StepParameters};
 use orenx::config::{MapConfig, MapSettings, Profile};
 use orenx::geometry::random::{normal, pcg4d, unit};
 use orenx::modality::RowSource;
 use orenx::modality::losses::{LossWeights, Stencil};
 use orenx::modality::read::{Answers, evaluate};
 use orenx::octree::Explicit;
+use orenx::train::{Batch, SampleKind};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
@@ -111,7 +113,6 @@ fn parameters(profile: Profile) -> StepParameters {
 
 fn steps(criterion: &mut Criterion) {
     let tree = room();
-    println!("room: {} rows", tree.rows());
     for (name, profile) in [("lite", Profile::Lite), ("full", Profile::Full)] {
         let config = config(profile);
         let batches: Vec<Batch> = (0..8).map(|seed| batch(&config, seed)).collect();

@@ -5,22 +5,26 @@
 //! threads write to the same place, so nothing depends on who runs when.
 
 use super::interpolate::{Evaluation, FEATURES, Gather, Scatter, Voxel};
-use super::plan::{Plan, Site, near_surface};
+use super::objective::{Factors, lose};
+use super::plan::{Plan, Site};
 use super::table::IndexTable;
 use crate::backend::{Host, LearnedRow, Losses, StepParameters};
-use crate::geometry::simd::{InstructionSet, LINE, Lines};
+use crate::geometry::simd::{InstructionSet, LINE, Lines, prefetch};
 use crate::modality::decoder::{Activations, Gradient, POINTS_MULTIPLE};
 use crate::modality::interpolation::{ExplicitCorners, Place, by_column};
-use crate::modality::losses::{STENCIL_M, Stencil, absolute, consistency, cross_entropy};
-use crate::modality::{Decoders, occupancy, sdf};
-use crate::octree::{Found, Lookup, NodeSource};
-use crate::train::{Batch, SampleKind};
+use crate::modality::losses::STENCIL_M;
+use crate::modality::{Decoders, sdf};
+use crate::octree::{Explicit, Found, Lookup, NO_NODE, NodeSource};
+use crate::train::Batch;
 use glam::Vec3;
 
 /// Samples of one chunk.
 pub(super) const CHUNK: usize = 256;
 /// Most evaluations of one tile: their activations stay in the second-level cache.
 const TILE: usize = 128;
+
+/// Samples whose rows are asked for ahead of their use.
+const AHEAD: usize = 6;
 
 /// What a chunk reads.
 pub(super) struct Inputs<'a, N: NodeSource> {
@@ -54,6 +58,8 @@ pub(super) struct Output {
 /// One thread's working space.
 pub(super) struct Workspace {
     voxel_index: IndexTable,
+    /// The node asked for last and its index; [`NO_NODE`] at first.
+    last_voxel: (u32, usize),
     row_index: IndexTable,
     voxels: Vec<Voxel>,
     by_voxels: Vec<ExplicitCorners>,
@@ -64,27 +70,27 @@ pub(super) struct Workspace {
 }
 
 /// The evaluations of one tile: the samples themselves, then their stencils, then padding.
-struct Tile {
-    samples: Vec<TileSample>,
-    evaluations: Vec<Evaluation>,
-    distances: Lines,
-    contexts: Lines,
-    residuals: Lines,
-    logits: Lines,
-    sdf_features: Lines,
-    occupancy_features: Lines,
+pub(super) struct Tile {
+    pub(super) samples: Vec<TileSample>,
+    pub(super) evaluations: Vec<Evaluation>,
+    pub(super) distances: Lines,
+    pub(super) contexts: Lines,
+    pub(super) residuals: Lines,
+    pub(super) logits: Lines,
+    pub(super) sdf_features: Lines,
+    pub(super) occupancy_features: Lines,
     /// ∂L/∂f, then ∂L/∂d_ga.
-    by_distances: Lines,
-    by_contexts: Lines,
-    by_logits: Lines,
-    by_sdf_features: Lines,
-    by_occupancy_features: Lines,
+    pub(super) by_distances: Lines,
+    pub(super) by_contexts: Lines,
+    pub(super) by_logits: Lines,
+    pub(super) by_sdf_features: Lines,
+    pub(super) by_occupancy_features: Lines,
 }
 
-struct TileSample {
-    sample: u32,
+pub(super) struct TileSample {
+    pub(super) sample: u32,
     /// First evaluation of its stencil; 0 without one.
-    stencil: usize,
+    pub(super) stencil: usize,
 }
 
 impl Workspace {
@@ -93,6 +99,7 @@ impl Workspace {
         let rows = || Lines::zeros(TILE * LINE);
         Self {
             voxel_index: IndexTable::new(),
+            last_voxel: (NO_NODE, 0),
             row_index: IndexTable::new(),
             voxels: Vec::new(),
             by_voxels: Vec::new(),
@@ -118,37 +125,6 @@ impl Workspace {
     }
 }
 
-/// The factor of each term: its weight over the number of samples that pay it.
-struct Factors {
-    distance: [f32; 3],
-    eikonal: [f32; 3],
-    occupancy: f32,
-    consistency: f32,
-}
-
-impl Factors {
-    fn new(plan: &Plan, parameters: &StepParameters) -> Self {
-        let (w, counts) = (&parameters.weights, &plan.counts);
-        let per = |weight: f32, count: usize| weight / count.max(1) as f32;
-        let [free, perturbed, surface] = counts.kinds;
-        let near = counts.eikonal[1] + counts.eikonal[2];
-        Self {
-            distance: [
-                per(w.projection, free),
-                per(w.perturbation, perturbed),
-                per(w.boundary, surface),
-            ],
-            eikonal: [
-                per(w.eikonal_space, counts.eikonal[0]),
-                per(w.eikonal_surface, near),
-                per(w.eikonal_surface, near),
-            ],
-            occupancy: per(w.occupancy, counts.samples()),
-            consistency: per(w.consistency, free + perturbed),
-        }
-    }
-}
-
 /// Runs the chunk that starts at `start` in the plan's order.
 pub(super) fn run<N: NodeSource>(
     inputs: &Inputs<'_, N>,
@@ -164,6 +140,7 @@ pub(super) fn run<N: NodeSource>(
     clear(&mut output.by_sdf_weights, inputs.decoders.sdf.weights().len());
     clear(&mut output.by_occupancy_weights, inputs.decoders.occupancy.weights().len());
     workspace.voxel_index.clear();
+    workspace.last_voxel = (NO_NODE, 0);
     workspace.row_index.clear();
     workspace.voxels.clear();
     workspace.by_voxels.clear();
@@ -202,7 +179,8 @@ impl<N: NodeSource> Chunk<'_, N> {
         self.workspace.tile.samples.clear();
         self.workspace.tile.evaluations.clear();
         let (mut taken, mut evaluations) = (0, 0);
-        for sample in order {
+        for (i, sample) in order.iter().enumerate() {
+            self.ask_for(order, i + AHEAD);
             let site = &self.inputs.plan.sites[*sample as usize];
             let needs = 1 + if site.eikonal { stencil.len() } else { 0 };
             if evaluations + needs > TILE {
@@ -229,11 +207,32 @@ impl<N: NodeSource> Chunk<'_, N> {
         taken
     }
 
+    /// Asks for the rows of the sample at `i` in the order, which will be gathered soon.
+    fn ask_for(&self, order: &[u32], i: usize) {
+        let node = |i: usize| Some(self.inputs.plan.sites[*order.get(i)? as usize].centre.node);
+        let Some(next) = node(i) else { return };
+        if i > 0 && node(i - 1) == Some(next) {
+            return;
+        }
+        for row in self.inputs.host.nodes.corners(next) {
+            let learned = &self.inputs.learned[*row as usize];
+            prefetch(learned);
+            prefetch(&learned.explicit);
+            prefetch(&self.inputs.host.prior[*row as usize]);
+        }
+    }
+
     /// Adds an evaluation; returns the chunk's index of its voxel.
     fn evaluate(&mut self, cell: Found, point: Vec3) -> usize {
-        let (index, new) = self.workspace.voxel_index.index(cell.node);
-        if new {
-            self.add_voxel(cell, point);
+        // Samples come sorted by voxel: mostly it is the one before.
+        let (last, mut index) = self.workspace.last_voxel;
+        if last != cell.node {
+            let (found, new) = self.workspace.voxel_index.index(cell.node);
+            if new {
+                self.add_voxel(cell, point);
+            }
+            index = found;
+            self.workspace.last_voxel = (cell.node, index);
         }
         let voxel = &self.workspace.voxels[index];
         let place = Place { offset_m: (point - voxel.min_m).to_array(), size_m: voxel.size_m };
@@ -264,11 +263,12 @@ impl<N: NodeSource> Chunk<'_, N> {
             }
             index as u32
         });
-        let explicit = by_column(global.map(|row| {
+        let explicit: [Explicit; 8] = global.map(|row| {
             let prior = &self.inputs.host.prior[row as usize];
             let learned = &self.inputs.learned[row as usize].explicit;
             std::array::from_fn(|c| prior[c] + learned[c])
-        }));
+        });
+        let explicit = by_column(explicit.each_ref());
         self.workspace.by_voxels.push([[0.0; 8]; 4]);
         self.workspace.voxels.push(Voxel {
             min_m: located.min_m,
@@ -357,67 +357,5 @@ impl<N: NodeSource> Chunk<'_, N> {
                 self.output.occupied[row] |= voxel.holds_sample;
             }
         }
-    }
-}
-
-/// The losses of a tile's samples: sums into `losses`, derivatives into the tile.
-fn lose<N: NodeSource>(
-    inputs: &Inputs<'_, N>,
-    factors: &Factors,
-    tile: &mut Tile,
-    losses: &mut Losses,
-) {
-    let stencil = inputs.parameters.stencil;
-    let points = stencil.offsets().len();
-    tile.by_distances.fill(0.0);
-    tile.by_logits.fill(0.0);
-    for (i, TileSample { sample, stencil: at }) in tile.samples.iter().enumerate() {
-        let sample = *sample as usize;
-        let kind = inputs.batch.kinds[sample];
-        let found = tile.distances[i] + tile.residuals[i];
-        let (loss, slope) = absolute(found, inputs.batch.distances[sample]);
-        let factor = factors.distance[kind as usize];
-        let mut total = f64::from(factor) * f64::from(loss);
-        let mut by_found = factor * slope;
-        *match kind {
-            SampleKind::Free => &mut losses.projection,
-            SampleKind::Perturbed => &mut losses.perturbation,
-            SampleKind::Surface => &mut losses.boundary,
-        } += f64::from(loss);
-
-        if *at > 0 {
-            let mut around = [0.0; Stencil::MAX];
-            for (j, f) in around[..points].iter_mut().enumerate() {
-                *f = tile.distances[at + j] + tile.residuals[at + j];
-            }
-            let (loss, by_centre, by_around) = stencil.eikonal(found, &around);
-            let factor = factors.eikonal[kind as usize];
-            total += f64::from(factor) * f64::from(loss);
-            by_found += factor * by_centre;
-            for (j, by) in by_around[..points].iter().enumerate() {
-                tile.by_distances[at + j] = factor * by;
-            }
-            *if near_surface(kind) {
-                &mut losses.eikonal_surface
-            } else {
-                &mut losses.eikonal_space
-            } += f64::from(loss);
-        }
-
-        if inputs.train_occupancy {
-            let logit = occupancy::prior_logit(tile.distances[i]) + tile.logits[i];
-            let (loss, slope) = cross_entropy(logit, inputs.batch.occupancies[sample]);
-            total += f64::from(factors.occupancy) * f64::from(loss);
-            losses.occupancy += f64::from(loss);
-            tile.by_logits[i] = factors.occupancy * slope;
-            if kind != SampleKind::Surface {
-                let (loss, slope) = consistency(found, logit);
-                total += f64::from(factors.consistency) * f64::from(loss);
-                losses.consistency += f64::from(loss);
-                by_found += factors.consistency * slope;
-            }
-        }
-        tile.by_distances[i] = by_found;
-        losses.total += total;
     }
 }

@@ -8,6 +8,7 @@
 mod adam;
 mod chunk;
 mod interpolate;
+mod objective;
 mod plan;
 mod radix;
 mod rows;

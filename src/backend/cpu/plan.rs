@@ -10,7 +10,7 @@ use super::radix::sort_by_key;
 use crate::backend::StepParameters;
 use crate::modality::losses::{STENCIL_M, Stencil};
 use crate::octree::{Found, Lookup, NodeSource};
-use crate::train::{Batch, SampleKind};
+use crate::train::Batch;
 
 /// Samples located by one task.
 const LOCATE_CHUNK: usize = 512;
@@ -33,7 +33,7 @@ impl Site {
 /// How many samples pay each loss.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Counts {
-    /// By [`SampleKind`].
+    /// By sample kind.
     pub kinds: [usize; 3],
     /// Of them, with Eikonal.
     pub eikonal: [usize; 3],
@@ -88,11 +88,6 @@ impl Plan {
             self.order.extend(self.keys.iter().map(|(_, sample)| sample));
         }
     }
-}
-
-/// Which terms a kind of sample pays.
-pub(super) fn near_surface(kind: SampleKind) -> bool {
-    kind != SampleKind::Free
 }
 
 struct Locate<'a, N> {

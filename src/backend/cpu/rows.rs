@@ -6,7 +6,7 @@ use super::adam::{self, Corrections};
 use super::chunk::Output;
 use super::radix::sort_by_key;
 use crate::backend::{LearnedRow, RowMoments, StepParameters};
-use crate::geometry::simd::LINE;
+use crate::geometry::simd::{LINE, prefetch};
 use crate::modality::{OCCUPANCY_FEATURES, SDF_FEATURES};
 
 /// Groups of touched rows that are summed and stepped in parallel; rows are independent, so the
@@ -14,6 +14,9 @@ use crate::modality::{OCCUPANCY_FEATURES, SDF_FEATURES};
 const GROUPS: usize = 64;
 /// Bits of a slot's index within its chunk.
 const SLOT_BITS: u32 = 16;
+
+/// Partial gradients that are asked for ahead of their use.
+const AHEAD: usize = 8;
 
 /// Ranges of [`RowMoments`] columns.
 const OCCUPANCY: std::ops::Range<usize> = SDF_FEATURES..SDF_FEATURES + OCCUPANCY_FEATURES;
@@ -115,7 +118,11 @@ impl Rows {
             (slots, learned, moments, base) = (later, later_learned, later_moments, base + until);
         }
         tasks.into_par_iter().for_each(|(base, slots, learned, moments)| {
+            let mut ahead = slots.iter().skip(AHEAD);
             for slots in slots.chunk_by(|a, b| a.0 == b.0) {
+                for (_, slot) in ahead.by_ref().take(slots.len()) {
+                    ask_for(*slot, outputs);
+                }
                 let row = slots[0].0 as usize - base;
                 let gradient = RowGradient::sum(slots, outputs);
                 gradient.apply(&mut learned[row], &mut moments[row], corrections, parameters);
@@ -139,6 +146,20 @@ impl Rows {
     }
 }
 
+/// A partial gradient: its chunk's output and its index there.
+fn slot_of(slot: u32, outputs: &[Output]) -> (&Output, usize) {
+    (&outputs[(slot >> SLOT_BITS) as usize], (slot & ((1 << SLOT_BITS) - 1)) as usize)
+}
+
+/// Asks for a partial gradient that will be summed soon.
+fn ask_for(slot: u32, outputs: &[Output]) {
+    let (output, i) = slot_of(slot, outputs);
+    let values = &output.by_values[i];
+    prefetch(&values[0]);
+    prefetch(&values[LINE]);
+    prefetch(&output.by_explicit[i]);
+}
+
 /// The gradient of one row, columns in the order of [`RowMoments`].
 pub(super) struct RowGradient {
     pub columns: [f32; RowMoments::COLUMNS],
@@ -150,13 +171,15 @@ impl RowGradient {
     fn sum(slots: &[(u32, u32)], outputs: &[Output]) -> Self {
         let mut sum = Self { columns: [0.0; RowMoments::COLUMNS], occupied: false };
         for (_, slot) in slots {
-            let output = &outputs[(slot >> SLOT_BITS) as usize];
-            let i = (slot & ((1 << SLOT_BITS) - 1)) as usize;
+            let (output, i) = slot_of(*slot, outputs);
             // Sdf and occupancy features stand side by side in both orders.
             const { assert!(SDF_FEATURES == LINE) }
-            let values = output.by_values[i][..EXPLICIT.start].iter();
-            for (sum, by) in sum.columns.iter_mut().zip(values.chain(&output.by_explicit[i])) {
-                *sum += by;
+            let (values, explicit) = (&output.by_values[i], &output.by_explicit[i]);
+            for (column, sum) in sum.columns[..EXPLICIT.start].iter_mut().enumerate() {
+                *sum += values[column];
+            }
+            for (column, sum) in sum.columns[EXPLICIT].iter_mut().enumerate() {
+                *sum += explicit[column];
             }
             sum.occupied |= output.occupied[i];
         }

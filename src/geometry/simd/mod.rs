@@ -4,10 +4,9 @@
 //! A [`Kernel`] body is `#[inline(always)]` all the way down, so that it is compiled inside the
 //! `#[target_feature]` entry point that [`InstructionSet::run`] picks. Invariant: the AVX lane
 //! types are named only by those entry points, which are reached only after the run-time check.
-#![allow(
-    clippy::undocumented_unsafe_blocks,
-    reason = "one argument, the invariant above, holds for every intrinsic here"
-)]
+
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
 use std::ops::{Add, Deref, DerefMut, Mul, Sub};
 
@@ -230,163 +229,17 @@ impl Lanes for Four {
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-mod x86 {
-    use std::arch::x86_64::*;
-    use std::ops::{Add, Mul, Sub};
-
-    use super::{Kernel, Lanes};
-
-    #[target_feature(enable = "avx2,fma")]
-    pub(super) fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
-        kernel.run::<Eight>()
+/// Asks for the cache line at `at`, which will be read soon; only a hint.
+#[inline(always)]
+pub(crate) fn prefetch<T>(at: &T) {
+    // SAFETY: a prefetch has no effect that a program can observe, at any address.
+    #[cfg(target_arch = "x86_64")]
+    unsafe {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(at).cast());
     }
-
-    #[target_feature(enable = "avx2,fma,avx512f")]
-    pub(super) fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
-        kernel.run::<Sixteen>()
-    }
-
-    /// Eight lanes of AVX2.
-    #[derive(Clone, Copy)]
-    pub(super) struct Eight(__m256);
-
-    /// Sixteen lanes of AVX-512.
-    #[derive(Clone, Copy)]
-    pub(super) struct Sixteen(__m512);
-
-    /// An operator of a lane type as one intrinsic.
-    macro_rules! operator {
-        ($lanes:ident, $trait:ident, $method:ident, $intrinsic:ident) => {
-            impl $trait for $lanes {
-                type Output = Self;
-                #[inline(always)]
-                fn $method(self, other: Self) -> Self {
-                    // SAFETY: the type is named only behind the run-time check (module invariant).
-                    Self(unsafe { $intrinsic(self.0, other.0) })
-                }
-            }
-        };
-    }
-
-    operator!(Eight, Add, add, _mm256_add_ps);
-    operator!(Eight, Sub, sub, _mm256_sub_ps);
-    operator!(Eight, Mul, mul, _mm256_mul_ps);
-    operator!(Sixteen, Add, add, _mm512_add_ps);
-    operator!(Sixteen, Sub, sub, _mm512_sub_ps);
-    operator!(Sixteen, Mul, mul, _mm512_mul_ps);
-
-    // SAFETY of every block below: the types are named only behind the run-time check (module
-    // invariant); pointers are the caller's promise.
-
-    impl Lanes for Eight {
-        const N: usize = 8;
-
-        #[inline(always)]
-        fn splat(x: f32) -> Self {
-            Self(unsafe { _mm256_set1_ps(x) })
-        }
-
-        #[inline(always)]
-        unsafe fn read(from: *const f32) -> Self {
-            Self(unsafe { _mm256_loadu_ps(from) })
-        }
-
-        #[inline(always)]
-        unsafe fn write(self, to: *mut f32) {
-            unsafe { _mm256_storeu_ps(to, self.0) }
-        }
-
-        #[inline(always)]
-        fn mul_add(self, b: Self, c: Self) -> Self {
-            Self(unsafe { _mm256_fmadd_ps(self.0, b.0, c.0) })
-        }
-
-        #[inline(always)]
-        fn relu(self) -> Self {
-            Self(unsafe { _mm256_max_ps(self.0, _mm256_setzero_ps()) })
-        }
-
-        #[inline(always)]
-        fn where_positive(self, gate: Self) -> Self {
-            Self(unsafe {
-                _mm256_and_ps(self.0, _mm256_cmp_ps::<_CMP_GT_OQ>(gate.0, _mm256_setzero_ps()))
-            })
-        }
-
-        #[inline(always)]
-        fn where_not_negative(self, gate: Self) -> Self {
-            Self(unsafe {
-                _mm256_and_ps(self.0, _mm256_cmp_ps::<_CMP_GE_OQ>(gate.0, _mm256_setzero_ps()))
-            })
-        }
-
-        #[inline(always)]
-        fn sum(self) -> f32 {
-            unsafe {
-                let four =
-                    _mm_add_ps(_mm256_castps256_ps128(self.0), _mm256_extractf128_ps::<1>(self.0));
-                let two = _mm_add_ps(four, _mm_movehl_ps(four, four));
-                _mm_cvtss_f32(_mm_add_ss(two, _mm_shuffle_ps::<1>(two, two)))
-            }
-        }
-    }
-
-    impl Lanes for Sixteen {
-        const N: usize = 16;
-
-        #[inline(always)]
-        fn splat(x: f32) -> Self {
-            Self(unsafe { _mm512_set1_ps(x) })
-        }
-
-        #[inline(always)]
-        unsafe fn read(from: *const f32) -> Self {
-            Self(unsafe { _mm512_loadu_ps(from) })
-        }
-
-        #[inline(always)]
-        unsafe fn write(self, to: *mut f32) {
-            unsafe { _mm512_storeu_ps(to, self.0) }
-        }
-
-        #[inline(always)]
-        fn mul_add(self, b: Self, c: Self) -> Self {
-            Self(unsafe { _mm512_fmadd_ps(self.0, b.0, c.0) })
-        }
-
-        #[inline(always)]
-        fn relu(self) -> Self {
-            Self(unsafe { _mm512_max_ps(self.0, _mm512_setzero_ps()) })
-        }
-
-        #[inline(always)]
-        fn where_positive(self, gate: Self) -> Self {
-            Self(unsafe {
-                let mask = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(gate.0, _mm512_setzero_ps());
-                _mm512_maskz_mov_ps(mask, self.0)
-            })
-        }
-
-        #[inline(always)]
-        fn where_not_negative(self, gate: Self) -> Self {
-            Self(unsafe {
-                let mask = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(gate.0, _mm512_setzero_ps());
-                _mm512_maskz_mov_ps(mask, self.0)
-            })
-        }
-
-        #[inline(always)]
-        fn sum(self) -> f32 {
-            Eight(unsafe {
-                _mm256_add_ps(
-                    _mm512_castps512_ps256(self.0),
-                    _mm256_castpd_ps(_mm512_extractf64x4_pd::<1>(_mm512_castps_pd(self.0))),
-                )
-            })
-            .sum()
-        }
-    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = at;
 }
 
 #[cfg(test)]

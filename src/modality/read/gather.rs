@@ -1,0 +1,197 @@
+//! From rows to the decoders' inputs, and from their derivatives to the gradient in space.
+
+use glam::Vec3;
+
+use super::{Packed, Tile};
+use crate::geometry::simd::{Kernel, LINE, Lanes, prefetch};
+use crate::modality::interpolation::{Place, by_column};
+use crate::modality::{OCCUPANCY_FEATURES, RowSource, SDF_FEATURES, sdf};
+use crate::octree::Explicit;
+
+/// An explicit row that says nothing.
+const NOTHING: Explicit = [0.0; 4];
+/// Points whose rows are asked for ahead of their use: enough to hide a trip to memory.
+const AHEAD: usize = 6;
+
+/// Interpolates the explicit part and packs the features that are not zero.
+pub(super) struct Gather<'a, S> {
+    pub(super) source: &'a S,
+    pub(super) want_gradient: bool,
+    pub(super) want_residual: bool,
+    pub(super) want_occupancy: bool,
+    pub(super) tile: &'a mut Tile,
+}
+
+impl<S: RowSource> Kernel for Gather<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let (source, tile) = (self.source, &mut *self.tile);
+        for (slot, (rows, place)) in tile.rows.iter().zip(&tile.places).enumerate() {
+            if let Some(rows) = tile.rows.get(slot + AHEAD) {
+                for row in rows {
+                    prefetch(source.explicit(*row));
+                    if self.want_residual {
+                        prefetch(source.sdf_feature(*row));
+                    }
+                    if self.want_occupancy {
+                        prefetch(source.occupancy_feature(*row));
+                    }
+                }
+            }
+            let mut explicit = [&NOTHING; 8];
+            for (explicit, row) in explicit.iter_mut().zip(rows) {
+                *explicit = source.explicit(*row);
+            }
+            let explicit = by_column(explicit);
+            let weights = place.weights();
+            let distance = if self.want_gradient {
+                let (distance, gradient) = place.distance_and_gradient(&weights, &explicit);
+                tile.gradients.push(Vec3::from(gradient));
+                distance
+            } else {
+                place.distance(&weights, &explicit)
+            };
+            tile.distances.push(distance);
+            let context = sdf::context(distance);
+            if self.want_residual {
+                let mut features = [&[0.0; SDF_FEATURES]; 8];
+                for (feature, row) in features.iter_mut().zip(rows) {
+                    *feature = source.sdf_feature(*row);
+                }
+                if any(&features) {
+                    let at = tile.sdf.slots.len();
+                    tile.sdf.slots.push(slot as u8);
+                    tile.sdf.contexts[at] = context;
+                    interpolate::<L>(&features, &weights, &mut tile.sdf.features, at);
+                    if self.want_gradient {
+                        differentiate::<L>(&features, place, &mut tile.slopes, at);
+                    }
+                }
+            }
+            if self.want_occupancy {
+                let mut features = [&[0.0; OCCUPANCY_FEATURES]; 8];
+                for (feature, row) in features.iter_mut().zip(rows) {
+                    *feature = source.occupancy_feature(*row);
+                }
+                if any(&features) {
+                    let at = tile.occupancy.slots.len();
+                    tile.occupancy.slots.push(slot as u8);
+                    tile.occupancy.contexts[at] = context;
+                    let mut sum = [0.0; OCCUPANCY_FEATURES];
+                    for (feature, weight) in features.iter().zip(&weights) {
+                        for (sum, x) in sum.iter_mut().zip(*feature) {
+                            *sum += weight * x;
+                        }
+                    }
+                    let line = &mut tile.occupancy.features[at * LINE..];
+                    line[..OCCUPANCY_FEATURES].copy_from_slice(&sum);
+                }
+            }
+        }
+    }
+}
+
+/// Whether any number has a bit set.
+#[inline(always)]
+fn any<const N: usize>(features: &[&[f32; N]; 8]) -> bool {
+    let mut bits = [0u32; N];
+    for feature in features {
+        for (bits, x) in bits.iter_mut().zip(*feature) {
+            *bits |= x.to_bits();
+        }
+    }
+    let mut all = 0;
+    for bits in bits {
+        all |= bits;
+    }
+    all != 0
+}
+
+/// Line `at` of `out` becomes Σ w_k f_k.
+#[inline(always)]
+fn interpolate<L: Lanes>(
+    features: &[&[f32; SDF_FEATURES]; 8],
+    weights: &[f32; 8],
+    out: &mut [f32],
+    at: usize,
+) {
+    for lane in (0..SDF_FEATURES).step_by(L::N) {
+        let mut sum = L::splat(0.0);
+        for (feature, weight) in features.iter().zip(weights) {
+            sum = L::splat(*weight).mul_add(L::load(*feature, lane), sum);
+        }
+        sum.store(out, at * LINE + lane);
+    }
+}
+
+/// Lines `3 at`, `3 at + 1`, `3 at + 2` of `out` become the derivatives of Σ w_k f_k by x, y, z.
+#[inline(always)]
+fn differentiate<L: Lanes>(
+    features: &[&[f32; SDF_FEATURES]; 8],
+    place: &Place,
+    out: &mut [f32],
+    at: usize,
+) {
+    let scale = 1.0 / place.size_m;
+    let t = [
+        L::splat(place.offset_m[0] * scale),
+        L::splat(place.offset_m[1] * scale),
+        L::splat(place.offset_m[2] * scale),
+    ];
+    let scale = L::splat(scale);
+    for lane in (0..SDF_FEATURES).step_by(L::N) {
+        // Along x on the four edges, then along y on the two sides, then along z.
+        let (mut x, mut dx) = ([scale; 4], [scale; 4]);
+        for edge in 0..4 {
+            let low = L::load(features[2 * edge], lane);
+            dx[edge] = L::load(features[2 * edge + 1], lane) - low;
+            x[edge] = t[0].mul_add(dx[edge], low);
+        }
+        let dy = [x[1] - x[0], x[3] - x[2]];
+        let y = [t[1].mul_add(dy[0], x[0]), t[1].mul_add(dy[1], x[2])];
+        let by_x = mix(mix(dx[0], dx[1], t[1]), mix(dx[2], dx[3], t[1]), t[2]);
+        let by_y = mix(dy[0], dy[1], t[2]);
+        let line = 3 * at * LINE + lane;
+        (by_x * scale).store(out, line);
+        (by_y * scale).store(out, line + LINE);
+        ((y[1] - y[0]) * scale).store(out, line + 2 * LINE);
+    }
+}
+
+/// `low` at t = 0, `high` at t = 1.
+#[inline(always)]
+fn mix<L: Lanes>(low: L, high: L, t: L) -> L {
+    t.mul_add(high - low, low)
+}
+
+/// ∇f = ∇d_ga (1 + ∂D/∂c ∂c/∂d_ga) + ∂D/∂f · ∂f/∂x, from ∇d_ga in place.
+pub(super) struct Chain<'a> {
+    pub(super) packed: &'a Packed,
+    pub(super) slopes: &'a [f32],
+    pub(super) distances: &'a [f32],
+    pub(super) gradients: &'a mut [Vec3],
+}
+
+impl Kernel for Chain<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        for (i, slot) in self.packed.slots.iter().enumerate() {
+            let slot = *slot as usize;
+            let mut sums = [L::splat(0.0); 3];
+            for lane in (0..LINE).step_by(L::N) {
+                let by = L::load(&self.packed.by_features, i * LINE + lane);
+                for (axis, sum) in sums.iter_mut().enumerate() {
+                    let slope = L::load(self.slopes, (3 * i + axis) * LINE + lane);
+                    *sum = by.mul_add(slope, *sum);
+                }
+            }
+            let by_context = self.packed.by_contexts[i] * sdf::context_slope(self.distances[slot]);
+            let through_features = Vec3::new(sums[0].sum(), sums[1].sum(), sums[2].sum());
+            self.gradients[slot] += self.gradients[slot] * by_context + through_features;
+        }
+    }
+}

@@ -1,0 +1,247 @@
+//! Read-out: distance, gradient and occupancy at points, on the calling thread.
+
+mod gather;
+#[cfg(test)]
+mod tests;
+
+use glam::Vec3;
+
+use self::gather::{Chain, Gather};
+use super::decoder::{Activations, Gradient, POINTS_MULTIPLE};
+use super::interpolation::Place;
+use super::{Decoders, RowSource, occupancy};
+use crate::geometry::simd::{InstructionSet, LINE, Lines};
+use crate::octree::{Found, Lookup, NodeSource};
+
+/// Points that are located, gathered and decoded together.
+const TILE: usize = 64;
+
+/// Where the answers go, each as long as the points, or empty where it is not wanted. Points that
+/// lie in no voxel with rows get NaN.
+#[derive(Default)]
+pub struct Answers<'a> {
+    /// Signed distance f, m.
+    pub distance: &'a mut [f32],
+    /// ∇f in world axes: the analytic derivative of what `distance` says, not normalised.
+    pub gradient: &'a mut [Vec3],
+    /// Probability that the point is occupied.
+    pub occupancy: &'a mut [f32],
+}
+
+/// Evaluates the fields at `points` (world metres).
+pub fn evaluate<S: NodeSource + RowSource>(
+    source: &S,
+    decoders: &Decoders,
+    points: &[Vec3],
+    answers: Answers<'_>,
+) {
+    evaluate_with(InstructionSet::detect(), source, decoders, points, answers);
+}
+
+/// [`evaluate`] with a given instruction set, one of those that the machine runs.
+pub(crate) fn evaluate_with<S: NodeSource + RowSource>(
+    set: InstructionSet,
+    source: &S,
+    decoders: &Decoders,
+    points: &[Vec3],
+    answers: Answers<'_>,
+) {
+    let Answers { distance, gradient, occupancy } = answers;
+    distance.fill(f32::NAN);
+    gradient.fill(Vec3::NAN);
+    occupancy.fill(f32::NAN);
+    let Some(lookup) = Lookup::new(source) else { return };
+    let mut reader = Reader {
+        set,
+        source,
+        lookup,
+        decoders,
+        want_distance: !distance.is_empty(),
+        want_gradient: !gradient.is_empty(),
+        want_occupancy: !occupancy.is_empty(),
+        tile: Tile::new(points.len().min(TILE)),
+    };
+    for (i, points) in points.chunks(TILE).enumerate() {
+        reader.run(points);
+        let at = i * TILE;
+        let tile = &reader.tile;
+        for (slot, point) in tile.found.iter().enumerate() {
+            let point = at + *point as usize;
+            if reader.want_distance {
+                distance[point] = tile.distances[slot];
+            }
+            if reader.want_gradient {
+                gradient[point] = tile.gradients[slot];
+            }
+            if reader.want_occupancy {
+                occupancy[point] = tile.occupancies[slot];
+            }
+        }
+    }
+}
+
+struct Reader<'a, S> {
+    set: InstructionSet,
+    source: &'a S,
+    lookup: Lookup<'a, S>,
+    decoders: &'a Decoders,
+    want_distance: bool,
+    want_gradient: bool,
+    want_occupancy: bool,
+    tile: Tile,
+}
+
+/// Working space of one tile. Columns up to `occupancies` have one entry a found point.
+struct Tile {
+    /// The points that lie in a voxel with rows, as indices into the tile's points.
+    found: Vec<u8>,
+    rows: Vec<[u32; 8]>,
+    places: Vec<Place>,
+    /// d_ga, then f.
+    distances: Vec<f32>,
+    /// ∇d_ga, then ∇f.
+    gradients: Vec<Vec3>,
+    occupancies: Vec<f32>,
+    sdf: Packed,
+    occupancy: Packed,
+    /// ∂f/∂x, ∂f/∂y, ∂f/∂z of the residual feature, three lines a packed point.
+    slopes: Lines,
+    activations: Activations,
+}
+
+/// The points whose feature is not all zero; the others need no decoder.
+struct Packed {
+    /// Indices into the found points.
+    slots: Vec<u8>,
+    features: Lines,
+    contexts: Lines,
+    out: Lines,
+    by_out: Lines,
+    by_features: Lines,
+    by_contexts: Lines,
+}
+
+impl Packed {
+    fn new(points: usize) -> Self {
+        let points = points.next_multiple_of(POINTS_MULTIPLE);
+        Self {
+            slots: Vec::with_capacity(points),
+            features: Lines::zeros(points * LINE),
+            contexts: Lines::zeros(points),
+            out: Lines::zeros(points),
+            by_out: Lines::zeros(points),
+            by_features: Lines::zeros(points * LINE),
+            by_contexts: Lines::zeros(points),
+        }
+    }
+
+    /// Clears the padding; returns the padded number of points.
+    fn pad(&mut self) -> usize {
+        let (used, padded) = (self.slots.len(), self.slots.len().next_multiple_of(POINTS_MULTIPLE));
+        self.features[used * LINE..padded * LINE].fill(0.0);
+        self.contexts[used..padded].fill(0.0);
+        padded
+    }
+}
+
+impl Tile {
+    fn new(points: usize) -> Self {
+        Self {
+            found: Vec::with_capacity(points),
+            rows: Vec::with_capacity(points),
+            places: Vec::with_capacity(points),
+            distances: Vec::with_capacity(points),
+            gradients: Vec::with_capacity(points),
+            occupancies: Vec::with_capacity(points),
+            sdf: Packed::new(points),
+            occupancy: Packed::new(points),
+            slopes: Lines::zeros(3 * points * LINE),
+            activations: Activations::default(),
+        }
+    }
+}
+
+impl<S: NodeSource + RowSource> Reader<'_, S> {
+    fn run(&mut self, points: &[Vec3]) {
+        self.locate(points);
+        let tile = &mut self.tile;
+        tile.distances.clear();
+        tile.gradients.clear();
+        tile.occupancies.clear();
+        tile.sdf.slots.clear();
+        tile.occupancy.slots.clear();
+        self.set.run(Gather {
+            source: self.source,
+            want_gradient: self.want_gradient,
+            want_residual: self.want_distance || self.want_gradient,
+            want_occupancy: self.want_occupancy,
+            tile,
+        });
+        // The occupancy prior reads d_ga, which the residual then turns into f.
+        if self.want_occupancy {
+            self.add_occupancy();
+        }
+        if !self.tile.sdf.slots.is_empty() {
+            self.add_residual();
+        }
+    }
+
+    fn locate(&mut self, points: &[Vec3]) {
+        let mut cells = [Found::NONE; TILE];
+        let cells = &mut cells[..points.len()];
+        self.lookup.find_many(points, cells);
+        let tile = &mut self.tile;
+        tile.found.clear();
+        tile.rows.clear();
+        tile.places.clear();
+        for (i, (cell, point)) in cells.iter().zip(points).enumerate() {
+            if cell.is_some() {
+                let voxel = self.lookup.located(*cell, *point);
+                tile.found.push(i as u8);
+                tile.rows.push(*self.source.corners(cell.node));
+                tile.places.push(Place {
+                    offset_m: (*point - voxel.min_m).to_array(),
+                    size_m: voxel.size_m,
+                });
+            }
+        }
+    }
+
+    fn add_residual(&mut self) {
+        let Tile { sdf: packed, slopes, distances, gradients, activations, .. } = &mut self.tile;
+        let padded = packed.pad();
+        let decoder = &self.decoders.sdf;
+        let out = &mut packed.out[..padded];
+        decoder.forward(self.set, &packed.features, &packed.contexts, activations, out);
+        if self.want_gradient {
+            packed.by_out[..padded].fill(1.0);
+            let gradient = Gradient {
+                features: &mut packed.by_features,
+                contexts: &mut packed.by_contexts,
+                weights: &mut [],
+            };
+            let inputs = (&packed.features[..], &packed.contexts[..]);
+            let by_out = &packed.by_out[..padded];
+            decoder.backward(self.set, inputs, by_out, activations, gradient);
+            self.set.run(Chain { packed, slopes, distances, gradients });
+        }
+        for (i, slot) in packed.slots.iter().enumerate() {
+            distances[*slot as usize] += packed.out[i];
+        }
+    }
+
+    fn add_occupancy(&mut self) {
+        let Tile { occupancy: packed, distances, occupancies, activations, .. } = &mut self.tile;
+        let padded = packed.pad();
+        let out = &mut packed.out[..padded];
+        let decoder = &self.decoders.occupancy;
+        decoder.forward(self.set, &packed.features, &packed.contexts, activations, out);
+        occupancies.extend(distances.iter().map(|d| occupancy::prior_logit(*d)));
+        for (i, slot) in packed.slots.iter().enumerate() {
+            occupancies[*slot as usize] += packed.out[i];
+        }
+        for value in occupancies.iter_mut() {
+            *value = occupancy::probability(*value);
+        }
+    }
+}
