@@ -76,7 +76,7 @@ fn kilometres_away_is_part_of_the_same_map() {
 
 #[test]
 fn a_frame_costs_the_same_however_large_the_map_is() {
-    let data = corridor(120.0, 0.25);
+    let data = corridor(80.0, 0.25);
     let config = lite(0);
     let lattice = Lattice::new(&config);
     let mut topology = Topology::new(lattice.unit_m, lattice.brick);
@@ -119,7 +119,7 @@ fn query_pool() -> rayon::ThreadPool {
 #[test]
 fn at_the_memory_bound_new_voxels_are_refused_and_the_rest_goes_on() {
     const MIB: u32 = 192;
-    let data = corridor(60.0, 0.25);
+    let data = corridor(50.0, 0.25);
     let mut config = lite(0);
     (config.memory_mib, config.key_frame_mib) = (MIB, 2);
     let mut mapper = Mapper::new(config).unwrap();
@@ -151,7 +151,7 @@ fn at_the_memory_bound_new_voxels_are_refused_and_the_rest_goes_on() {
             assert!(moved < 0.1, "{point} moved by {moved} m");
         }
     }
-    assert_eq!(state(&view, Vec3::new(55.0, 0.0, 1.2)), State::Unknown, "there was no room");
+    assert_eq!(state(&view, Vec3::new(45.0, 0.0, 1.2)), State::Unknown, "there was no room");
 }
 
 #[test]
