@@ -48,7 +48,6 @@ fn a_robot_drives_out_of_the_first_root_and_keeps_what_it_has() {
     let error = |(t, d): (&TruthPoint, &f32)| (d - t.distance).abs();
     let known = truth.iter().zip(&answers.distance).filter(|(_, d)| d.is_finite());
     let mean = known.map(error).sum::<f32>() / free as f32;
-    println!("corridor: {free} of 1000 free, {mean} m");
     assert!(mean < 0.06, "{mean} m");
 }
 
@@ -105,7 +104,6 @@ fn a_frame_costs_the_same_however_large_the_map_is() {
             *sum += cost;
         }
     }
-    println!("{first:?} {last:?}, {} rows", topology.rows());
     for (early, late) in first.into_iter().zip(last) {
         let ratio = late as f64 / early as f64;
         assert!((0.7..1.3).contains(&ratio), "{first:?} at first, {last:?} at last");
@@ -139,7 +137,6 @@ fn at_the_memory_bound_new_voxels_are_refused_and_the_rest_goes_on() {
         rows = stats.rows;
     }
     let stats = mapper.stats();
-    println!("full: {stats:?}");
     assert!(stats.voxels_refused > 100, "{}", stats.voxels_refused);
     assert_eq!(stats.frames, data.len() as u64, "every frame was taken");
     let view = mapper.publish();

@@ -67,7 +67,6 @@ fn the_room_is_right_before_and_after_training() {
         assert_eq!(mapper.stats().steps, u64::from(steps) * FRAMES as u64);
         let view = mapper.publish();
         let (near, far) = (errors(&view, &near), errors(&view, &far));
-        println!("steps {steps}: near {near:?}\n         far {far:?}");
         assert!(near.distance_m < 0.0046 && far.distance_m < 0.0083, "{near:?} {far:?}");
         assert!(near.sign > 0.97 && far.sign > 0.999, "{near:?} {far:?}");
         assert!(near.known > 0.98 && far.known > 0.99, "{near:?} {far:?}");
@@ -145,7 +144,6 @@ fn a_ball_in_a_box_has_its_distance_and_state() {
             }
         }
         let (error, turned) = (error / count, turned / count);
-        println!("steps {steps}: ball {error} m, {turned} rad, wrong states {wrong:?}");
         assert!(error < 0.006 && turned < 0.15, "{error} m, {turned} rad");
         assert!(wrong.iter().all(|&w| w <= 12), "wrong states of 400 by height: {wrong:?}");
         for (place, point) in [

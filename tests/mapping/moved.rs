@@ -46,7 +46,6 @@ fn surface_in(view: &MapView, centre: Vec3, edge: f32) -> usize {
 fn check_gone(view: &MapView, data: &Synthetic, now: usize, when: &str) {
     let old = cube(BEFORE, EDGE_M + 0.04);
     let free = share(view, &old, State::Free);
-    println!("{when}: free {free}");
     assert!(free > 0.99, "{when}: {free} of the old place is free");
     assert_eq!(surface_in(view, BEFORE, EDGE_M + 0.06), 0, "{when}: surface at the old place");
     let scene = data.scene(now);
@@ -54,7 +53,6 @@ fn check_gone(view: &MapView, data: &Synthetic, now: usize, when: &str) {
     let error = |(p, d): (&Vec3, &f32)| (d - scene.distance(*p)).abs();
     let mean = old.iter().zip(&distances).filter(|(_, d)| d.is_finite()).map(error).sum::<f32>()
         / old.len() as f32;
-    println!("{when}: old place {mean} m");
     assert!(mean < 0.005, "{when}: distance at the old place errs by {mean} m");
 }
 
@@ -75,7 +73,6 @@ fn check_background(view: &MapView, data: &Synthetic, frames: &[usize]) {
         sign += f32::from((d < 0.0) == (t.distance < 0.0));
     }
     let (share, mean, sign) = (known / hidden.len() as f32, error / known, sign / known);
-    println!("background: known {share}, {mean} m, sign {sign}");
     assert!(share > 0.98 && mean < 0.003 && sign > 0.98, "{share} {mean} {sign}");
 }
 

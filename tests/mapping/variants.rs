@@ -45,7 +45,6 @@ fn the_learned_prior_maps_and_gets_better_from_zero() {
         error_m(&mapper.publish(), &data)
     };
     let (untrained, little, more) = (run(0), run(1), run(6));
-    println!("learned: {untrained} {little} {more} m");
     assert!(untrained > 0.1, "it starts from zero: {untrained} m");
     assert!(little < 0.97 * untrained, "{untrained} to {little} m");
     assert!(more < 0.8 * untrained, "{little} to {more} m");
@@ -77,6 +76,5 @@ fn noise_makes_it_worse_but_not_wrong() {
         error_m(&mapper.publish(), &data)
     };
     let (clean, noisy) = (run("gaussian:0"), run("gaussian:0.01"));
-    println!("noise: {clean} {noisy} m");
     assert!(noisy > clean && noisy < 0.022, "{clean} and {noisy} m");
 }
