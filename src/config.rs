@@ -177,7 +177,7 @@ impl MapConfig {
             window: 8,
             key_frame_iou: 0.85,
             key_frame_pixels: 16_384,
-            key_frame_mib: 256,
+            key_frame_mib: (settings.memory_mib / 4).min(256),
         })
     }
 

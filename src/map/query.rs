@@ -32,7 +32,8 @@ pub enum State {
     Occupied = 2,
 }
 
-/// Answers column by column; a column that was not asked for is empty.
+/// Answers column by column; a column that was not asked for, or that the map does not have, is
+/// empty.
 ///
 /// Where the state is [`State::Unknown`] the numbers are NaN.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -52,6 +53,8 @@ impl MapView {
     /// finite are unknown.
     pub fn query(&self, points: &[Vec3], fields: Fields) -> PointAnswers {
         let n = points.len();
+        let fields =
+            Fields { occupancy: fields.occupancy && self.config.has("occupancy"), ..fields };
         let wanted = |on: bool| if on { n } else { 0 };
         // What is known depends on the distance and on the voxel.
         let mut distance = vec![f32::NAN; n];

@@ -116,6 +116,18 @@ impl RowSource for Store {
 }
 
 impl Store {
+    /// What a row, a node slot and a brick take in pages, bytes.
+    pub(super) const ROW_BYTES: usize = size_of::<RowPage>() / ROWS;
+    pub(super) const NODE_BYTES: usize = size_of::<NodePage>() / NODES;
+    pub(super) const BRICK_BYTES: usize = size_of::<BrickPage>() / BRICKS;
+
+    /// Bytes of all pages.
+    pub(super) fn bytes(&self) -> u64 {
+        (self.rows.len() * size_of::<RowPage>()
+            + self.nodes.len() * size_of::<NodePage>()
+            + self.bricks.len() * size_of::<BrickPage>()) as u64
+    }
+
     /// Whether the evidence cell around a point of a voxel was crossed or hit.
     #[inline]
     pub(super) fn is_known(&self, node: u32, point: Vec3) -> bool {

@@ -158,7 +158,8 @@ impl Surface {
             || evidence.carve(frame, *carve_stride, epoch),
         );
         tracing::trace!(observations, touched = touched.len(), "fused");
-        self.index_new(&touched);
+        let touched = self.index_new(touched);
+        topology.refuse(carved.refused + self.surfels.take_refused());
         let gone = self.seen_through(frame, &noise, &carved.suspects, epoch);
         self.allocate(&touched, &carved, topology);
         self.prior.grow(topology, &self.surfels);
@@ -183,18 +184,22 @@ impl Surface {
         pool: &rayon::ThreadPool,
         change: &mut PriorChange,
     ) {
-        // A leaf can be split at most down to the unit, once a round.
-        for _ in 0..=self.lattice.brick {
+        // A leaf can be split at most down to the unit, once a round; the last round only settles.
+        for round in 0..=self.lattice.brick {
             self.prior.settle(topology, &self.surfels);
             let now = self.prior.evaluate(topology, &self.surfels, &self.evidence, pool);
             let splits = split::find(self, topology, &now.rows, self.split_error_m, pool);
             change.rows.extend(now.rows);
             change.voided.extend(now.voided);
-            if splits.is_empty() {
+            if splits.is_empty() || round == self.lattice.brick {
                 break;
             }
+            let rows = topology.rows();
             for node in splits {
                 topology.split(node);
+            }
+            if topology.rows() == rows {
+                break;
             }
             self.prior.grow(topology, &self.surfels);
         }
@@ -204,13 +209,28 @@ impl Surface {
         change.voided.dedup();
     }
 
-    fn index_new(&mut self, touched: &[(u32, Touch)]) {
-        for &(id, touch) in touched {
-            if touch == Touch::New {
-                let next = self.evidence.push_surfel(self.surfels.get(id).position, id);
-                self.surfels.set_next_in_cell(id, next);
+    /// Links new surfels to their evidence cells. One whose cell finds no room could never be seen
+    /// to be gone, and is not kept. Returns the touched surfels less those.
+    fn index_new(&mut self, mut touched: Vec<(u32, Touch)>) -> Vec<(u32, Touch)> {
+        let mut homeless = Vec::new();
+        touched.retain(|&(id, touch)| {
+            if touch != Touch::New {
+                return true;
             }
-        }
+            match self.evidence.push_surfel(self.surfels.get(id).position, id) {
+                Some(next) => {
+                    self.surfels.set_next_in_cell(id, next);
+                    true
+                }
+                None => {
+                    self.surfels.remove(id);
+                    homeless.push(id);
+                    false
+                }
+            }
+        });
+        self.surfels.release(&homeless);
+        touched
     }
 
     /// Votes on the surfels of cells that rays crossed; removes and returns those that
@@ -298,6 +318,9 @@ impl Surface {
     fn seed(&mut self, touched: &[(u32, Touch)], topology: &Topology) {
         let inverse = 1.0 / self.lattice.unit_m;
         for &(id, touch) in touched {
+            if !self.surfels.get(id).alive() {
+                continue; // it moved, and the same frame saw through it once too often
+            }
             if touch == Touch::Moved {
                 self.prior.moved(id, topology, &self.surfels);
             }

@@ -102,6 +102,9 @@ pub struct SurfelMap {
     surfels: Vec<Surfel>,
     links: Vec<Link>,
     free: Vec<u32>,
+    max_slots: usize,
+    /// Surfels that found no room since [`SurfelMap::take_refused`].
+    refused: u64,
     alive: usize,
     by_key: FxHashMap<u64, u32>,
     scratch: Scratch,
@@ -125,6 +128,9 @@ struct Sum {
 }
 
 impl SurfelMap {
+    /// What a surfel takes, bytes, its place in the index and in the prior's lists included.
+    pub const SURFEL_BYTES: usize = size_of::<Surfel>() + size_of::<Link>() + 16 + 4;
+
     /// An empty map with cells of `size_m`.
     pub fn new(size_m: f32) -> Self {
         Self {
@@ -132,6 +138,8 @@ impl SurfelMap {
             surfels: Vec::new(),
             links: Vec::new(),
             free: Vec::new(),
+            max_slots: NO_SURFEL as usize,
+            refused: 0,
             alive: 0,
             by_key: FxHashMap::default(),
             scratch: Scratch::default(),
@@ -215,6 +223,16 @@ impl SurfelMap {
     /// Ids are below this.
     pub fn slots(&self) -> usize {
         self.surfels.len()
+    }
+
+    /// Bounds the slots from now on; what there is stays.
+    pub fn limit(&mut self, slots: usize) {
+        self.max_slots = slots.min(NO_SURFEL as usize);
+    }
+
+    /// Surfels that found no room since the last call.
+    pub fn take_refused(&mut self) -> u64 {
+        std::mem::take(&mut self.refused)
     }
 
     /// Bytes held.
@@ -326,6 +344,10 @@ impl SurfelMap {
             }
             (surfel.told_position, surfel.told_normal) = (surfel.position, surfel.normal);
             return Some((id, Touch::Moved));
+        }
+        if self.free.is_empty() && self.surfels.len() >= self.max_slots {
+            self.refused += 1;
+            return None;
         }
         let surfel = Surfel {
             position: point,

@@ -56,9 +56,9 @@ impl Schedule {
         Pace { rays, steps: (affordable / rays).min(steps.max(1)) }
     }
 
-    /// Learns what a step of `rays` rays took.
+    /// Learns what a step of `rays` rays took. Under `fixed` the clock must not reach the map.
     pub fn learn(&mut self, rays: u32, took: Duration) {
-        if rays > 0 {
+        if self.adaptive && rays > 0 {
             let cost = took.as_secs_f32() / rays as f32;
             self.ray_s = if self.ray_s == 0.0 { cost } else { 0.8 * self.ray_s + 0.2 * cost };
         }
