@@ -5,6 +5,7 @@
 //! machine and its load.
 
 mod ablation;
+mod clock;
 mod corridor;
 mod figure;
 mod geometry;
@@ -156,6 +157,7 @@ mod tests {
         let [rows] = values(&objects, "map_size_ratio")[..] else { panic!("{objects:?}") };
         assert!(rows >= 2.0, "{rows}");
         assert_eq!(values(&objects, "frame_time_ratio").len(), 1);
+        assert_eq!(values(&objects, "allocate_time_ratio").len(), 1);
     }
 
     #[test]
@@ -165,8 +167,8 @@ mod tests {
         have_the_shape(&objects, "query");
         // Profiles × threads × batches.
         assert_eq!(values(&objects, "points_per_second").len(), 8);
+        assert_eq!(values(&objects, "points_per_processor_second").len(), 8);
         assert_eq!(values(&objects, "lite_against_full").len(), 2);
-        assert!(values(&objects, "known_share").iter().all(|share| (0.0..=1.0).contains(share)));
     }
 
     #[test]

@@ -3,10 +3,9 @@
 //! A robot drives down a corridor into one large map. Now and then a small map is begun where the
 //! robot stands, and both take the same frames in turn: only what lies behind the robot differs.
 
-use std::time::Instant;
-
 use clap::Args;
 
+use super::clock::{Clock, Elapsed};
 use super::figure::{Figure, Target, Unit, median};
 use super::printer::Printer;
 use crate::config::{MapConfig, MapSettings};
@@ -26,7 +25,7 @@ pub(super) struct CorridorArgs {
     #[arg(long, value_name = "PIXELS", default_value_t = 160, value_parser = clap::value_parser!(u32).range(16..=1280))]
     width: u32,
     /// How often a small map is begun beside the large one, at each size
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=50))]
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=50))]
     rounds: u32,
 }
 
@@ -74,17 +73,22 @@ impl Drive {
     fn start(arguments: &CorridorArgs) -> Result<Self> {
         // Twice what the sizes and the rounds should need; bays differ.
         let round_m = FRAMES as f32 * STEP_M as f32;
-        let length_m = 2.0 * (arguments.times as f32 * (RANGE_M + round_m))
+        let length_m = 2.0 * ((arguments.times + 8) as f32 * (RANGE_M + round_m))
             + 2.0 * arguments.rounds as f32 * round_m;
         let corridor =
             Synthetic::corridor(length_m, STEP_M).with_width(arguments.width).with_range(RANGE_M);
         let settings = MapSettings::default();
-        let mut small = mapper(&settings)?;
-        for index in 0..FRAMES {
-            small.integrate(&corridor.load(index, false)?)?;
+        let large = mapper(&settings)?;
+        let mut drive = Self { corridor, settings, large, next_frame: 0, small_rows: 0 };
+        // Bays differ: the largest of the small maps that some of them give.
+        for first in (0..8).map(|place| place * 2 * FRAMES) {
+            let mut small = mapper(&drive.settings)?;
+            for index in (first..first + FRAMES).filter(|index| *index < drive.corridor.len()) {
+                small.integrate(&drive.corridor.load(index, false)?)?;
+            }
+            drive.small_rows = drive.small_rows.max(small.stats().rows);
         }
-        let small_rows = small.stats().rows;
-        Ok(Self { corridor, large: mapper(&settings)?, settings, next_frame: 0, small_rows })
+        Ok(drive)
     }
 
     /// Drives on until the large map has `times` the rows of a small one.
@@ -102,7 +106,7 @@ impl Drive {
         for i in 0..FRAMES {
             let frame = self.frame(1)?;
             // Who goes first finds colder caches; they take turns.
-            let (small_ms, large_ms) = if i % 2 == 0 {
+            let (in_small, in_large) = if i % 2 == 0 {
                 let first = time(&mut small, &frame)?;
                 (first, time(&mut self.large, &frame)?)
             } else {
@@ -110,8 +114,8 @@ impl Drive {
                 (time(&mut small, &frame)?, first)
             };
             if i >= FRAMES_UNTIMED {
-                timings.small_ms.push(small_ms);
-                timings.large_ms.push(large_ms);
+                timings.small.push(in_small);
+                timings.large.push(in_large);
             }
         }
         timings.size_ratios.push(self.large.stats().rows as f64 / small.stats().rows as f64);
@@ -136,19 +140,24 @@ fn mapper(settings: &MapSettings) -> Result<Mapper> {
     Mapper::new(MapConfig::from_settings(settings)?)
 }
 
-/// Milliseconds from the frame to its epoch.
-fn time(mapper: &mut Mapper, frame: &Frame) -> Result<f64> {
-    let start = Instant::now();
-    mapper.integrate(frame)?;
-    mapper.publish();
-    Ok(start.elapsed().as_secs_f64() * 1e3)
+/// What a frame took until its epoch was there.
+struct Timing {
+    whole: Elapsed,
+    stages_ms: Vec<(String, f32)>,
 }
 
-/// Frame times of both maps, pair by pair.
+fn time(mapper: &mut Mapper, frame: &Frame) -> Result<Timing> {
+    let clock = Clock::start();
+    mapper.integrate(frame)?;
+    mapper.publish();
+    Ok(Timing { whole: clock.elapsed(), stages_ms: mapper.stats().stages_ms })
+}
+
+/// The frames of both maps, pair by pair.
 #[derive(Default)]
 struct Timings {
-    small_ms: Vec<f64>,
-    large_ms: Vec<f64>,
+    small: Vec<Timing>,
+    large: Vec<Timing>,
     size_ratios: Vec<f64>,
     rows: u64,
 }
@@ -156,14 +165,30 @@ struct Timings {
 impl Timings {
     fn figures(&self, times: u32, target: Option<Target>) -> Vec<Figure> {
         let case = format!("corridor, lite, map {times} times larger");
-        let figure = |measure, value, unit| Figure::new(&case, measure, value, unit);
-        let (small_ms, large_ms) = (median(&self.small_ms), median(&self.large_ms));
-        vec![
+        let figure = |measure: &str, value, unit| Figure::new(&case, measure, value, unit);
+        let wall_ms = |timing: &Timing| timing.whole.wall_s * 1e3;
+        let of_all = |timings: &[Timing]| median(&timings.iter().map(wall_ms).collect::<Vec<_>>());
+        let mut figures = vec![
             figure("map_size_ratio", median(&self.size_ratios), Unit::Times),
             figure("rows", self.rows as f64, Unit::Count),
-            figure("small_frame", small_ms, Unit::Milliseconds),
-            figure("large_frame", large_ms, Unit::Milliseconds),
-            figure("frame_time_ratio", large_ms / small_ms, Unit::Times).against(target),
-        ]
+            figure("small_frame", of_all(&self.small), Unit::Milliseconds),
+            figure("large_frame", of_all(&self.large), Unit::Milliseconds),
+            figure("frame_time_ratio", self.ratio(wall_ms), Unit::Times).against(target),
+            figure("processor_time_ratio", self.ratio(|t| t.whole.processor_s), Unit::Times),
+        ];
+        for stage in self.large.first().into_iter().flat_map(|timing| &timing.stages_ms) {
+            let ratio = self.ratio(|timing| {
+                let ms = timing.stages_ms.iter().find(|(name, _)| *name == stage.0);
+                ms.map_or(f64::NAN, |(_, ms)| (*ms).into())
+            });
+            figures.push(figure(&format!("{}_time_ratio", stage.0), ratio, Unit::Times));
+        }
+        figures
+    }
+
+    /// How many times as long a frame takes in the large map, pair by pair; the middle pair.
+    fn ratio(&self, time: impl Fn(&Timing) -> f64) -> f64 {
+        let pairs = self.large.iter().zip(&self.small);
+        median(&pairs.map(|(large, small)| time(large) / time(small)).collect::<Vec<_>>())
     }
 }

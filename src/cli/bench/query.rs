@@ -2,12 +2,12 @@
 
 use std::hint::black_box;
 use std::sync::Arc;
-use std::time::Instant;
 
 use clap::Args;
 use glam::Vec3;
 use rayon::ThreadPool;
 
+use super::clock::{Clock, Elapsed};
 use super::figure::{Figure, Target, Unit, median};
 use super::geometry::name;
 use super::printer::Printer;
@@ -16,6 +16,7 @@ use crate::config::{MapSettings, Profile};
 use crate::dataset::Dataset;
 use crate::dataset::synthetic::Synthetic;
 use crate::dataset::synthetic::room::ROOM;
+use crate::error::Error;
 use crate::geometry::random::{pcg4d, unit};
 use crate::map::{Fields, MapView, query_parallel, query_pool};
 
@@ -57,8 +58,8 @@ struct Case {
     view: Arc<MapView>,
     threads: usize,
     batch: u32,
-    /// Points a second, one a round.
-    speeds: Vec<f64>,
+    /// Points, and what they took, one a round.
+    measured: Vec<(usize, Elapsed)>,
 }
 
 impl QueryBenchArgs {
@@ -73,24 +74,24 @@ impl QueryBenchArgs {
                     view: view.clone(),
                     threads,
                     batch,
-                    speeds: Vec::new(),
+                    measured: Vec::new(),
                 });
             }
         }
         let most = self.batch.iter().copied().max().unwrap_or_default().max(POINTS);
-        let points = points(most);
+        let points = known_points(&cases, most as usize)?;
         for round in 0..=self.rounds {
             for case in &mut cases {
                 let pool = &pools[usize::from(case.threads != THREADS[0])];
-                let speed = case.measure(&points, pool);
+                let measured = case.measure(&points, pool);
                 // The first round warms up.
                 if round > 0 {
-                    case.speeds.push(speed);
+                    case.measured.push(measured);
                 }
             }
         }
         for case in &cases {
-            out.figures(case.figures(&cases, &points))?;
+            out.figures(case.figures(&cases))?;
         }
         for case in cases.iter().filter(|c| c.profile == Profile::Lite && c.threads == JUDGED.1) {
             out.figures(case.against_full(&cases))?;
@@ -108,28 +109,50 @@ impl QueryBenchArgs {
     }
 }
 
-/// Places all over the room, in no order: neighbours in a query need not be neighbours in space.
-fn points(count: u32) -> Vec<Vec3> {
+/// `count` places all over the room, in no order: neighbours in a query need not be neighbours in
+/// space. Every view knows each of them; an unknown one would be cheaper.
+fn known_points(cases: &[Case], count: usize) -> anyhow::Result<Vec<Vec3>> {
     let place = |i| {
         let [x, y, z, _] = pcg4d([i, 0, 0, 1]);
         ROOM.min + (ROOM.max - ROOM.min) * Vec3::new(unit(x), unit(y), unit(z))
     };
-    (0..count).map(place).collect()
+    let mut known: Vec<Vec3> = (0..4 * count as u32).map(place).collect();
+    for profile in TARGETS.map(|(profile, _)| profile) {
+        let Some(case) = cases.iter().find(|case| case.profile == profile) else { continue };
+        let answers = case.view.query(&known, Fields::DISTANCE);
+        let mut distances = answers.distance.into_iter();
+        known.retain(|_| distances.next().is_some_and(f32::is_finite));
+    }
+    if known.is_empty() {
+        return Err(Error::invalid("frames", "show nothing of the room").into());
+    }
+    Ok(known.iter().copied().cycle().take(count).collect())
 }
 
 impl Case {
-    /// Asks for at least [`POINTS`] in queries of a batch; points a second.
-    fn measure(&self, points: &[Vec3], pool: &ThreadPool) -> f64 {
+    /// Asks for at least [`POINTS`] in queries of a batch.
+    fn measure(&self, points: &[Vec3], pool: &ThreadPool) -> (usize, Elapsed) {
         let query = |points: &[_], fields| self.view.query(points, fields);
         let batch = self.batch as usize;
         let queries = points.chunks_exact(batch).take((POINTS as usize).div_ceil(batch));
-        let start = Instant::now();
         let mut asked = 0;
+        let clock = Clock::start();
         for points in queries {
             black_box(query_parallel(&query, points, FIELDS, pool));
             asked += points.len();
         }
-        asked as f64 / start.elapsed().as_secs_f64()
+        (asked, clock.elapsed())
+    }
+
+    /// Points a second, one a round.
+    fn speeds(&self) -> Vec<f64> {
+        self.measured.iter().map(|(points, took)| *points as f64 / took.wall_s).collect()
+    }
+
+    /// Points a second of processor time, which other programs do not share.
+    fn speeds_of_a_processor(&self) -> Vec<f64> {
+        let speed = |(points, took): &(usize, Elapsed)| *points as f64 / took.processor_s;
+        self.measured.iter().map(speed).collect()
     }
 
     fn name(&self) -> String {
@@ -137,26 +160,22 @@ impl Case {
         format!("{}, {threads}, batches of {}", name(self.profile), self.batch)
     }
 
-    fn figures(&self, all: &[Self], points: &[Vec3]) -> Vec<Figure> {
+    fn figures(&self, all: &[Self]) -> Vec<Figure> {
         let case = self.name();
         let judged = (self.batch, self.threads) == JUDGED;
         let target = TARGETS.iter().find(|(profile, _)| judged && *profile == self.profile);
         let figure = |measure, value, unit| Figure::new(&case, measure, value, unit);
+        let (speed, of_processor) = (median(&self.speeds()), median(&self.speeds_of_a_processor()));
         let mut figures = vec![
-            figure("points_per_second", median(&self.speeds), Unit::PointsPerSecond)
+            figure("points_per_second", speed, Unit::PointsPerSecond)
                 .against(target.map(|(_, target)| *target)),
+            figure("points_per_processor_second", of_processor, Unit::PointsPerSecond),
         ];
-        if self.threads == THREADS[0] {
-            let points = &points[..self.batch as usize];
-            let known = self.view.query(points, Fields::DISTANCE);
-            let known = known.distance.iter().filter(|d| d.is_finite()).count();
-            let share = known as f64 / points.len() as f64;
-            figures.push(figure("known_share", share, Unit::Share));
-        } else if let Some(one) = all
-            .iter()
-            .find(|c| (c.profile, c.batch, c.threads) == (self.profile, self.batch, THREADS[0]))
-        {
-            figures.push(figure("against_one_thread", self.ratio(one), Unit::Times));
+        let single = |c: &&Self| {
+            self.threads > 1 && (c.profile, c.batch, c.threads) == (self.profile, self.batch, 1)
+        };
+        if let Some(single) = all.iter().find(single) {
+            figures.push(figure("against_one_thread", self.ratio(single), Unit::Times));
         }
         figures
     }
@@ -171,6 +190,7 @@ impl Case {
 
     /// How many times as fast, round by round; the middle round.
     fn ratio(&self, other: &Self) -> f64 {
-        median(&self.speeds.iter().zip(&other.speeds).map(|(a, b)| a / b).collect::<Vec<f64>>())
+        let pairs = self.speeds().into_iter().zip(other.speeds());
+        median(&pairs.map(|(a, b)| a / b).collect::<Vec<f64>>())
     }
 }
