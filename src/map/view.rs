@@ -8,7 +8,7 @@ use super::pages::PageTable;
 use crate::config::MapConfig;
 use crate::geometry::Aabb;
 use crate::modality::{Decoders, RowSource};
-use crate::octree::{ChildLink, Explicit, NO_NODE, NO_ROW, NodeSource, Root, locate};
+use crate::octree::{ChildLink, Explicit, NO_NODE, NO_ROW, NodeSource, Root};
 use crate::surface::{BRICK_CELLS, Known};
 
 pub(super) const NODES: usize = 256;
@@ -116,11 +116,10 @@ impl RowSource for Store {
 }
 
 impl Store {
-    /// Whether the evidence cell around a point was crossed or hit.
+    /// Whether the evidence cell around a point of a voxel was crossed or hit.
     #[inline]
-    pub(super) fn is_known(&self, point: Vec3) -> bool {
-        let Some(located) = locate(self, point) else { return false };
-        let node = located.node as usize;
+    pub(super) fn is_known(&self, node: u32, point: Vec3) -> bool {
+        let node = node as usize;
         let brick = self.nodes.page(node / NODES).brick[node % NODES];
         if brick == NO_NODE {
             return false;

@@ -50,6 +50,11 @@ impl Lattice {
         Self { unit_m, r0, free, cell, brick }
     }
 
+    /// The voxels that stand around surfaces: level 0, or 0.1 m where that is larger.
+    pub fn surface(&self) -> u8 {
+        self.r0.max(self.cell)
+    }
+
     /// An edge length, m.
     pub fn size_m(&self, log2: u8) -> f32 {
         (1u64 << log2) as f32 * self.unit_m
