@@ -4,6 +4,7 @@ use std::path::Path;
 
 use clap::Args;
 
+use super::clock::Clock;
 use super::figure::{Figure, Target, Unit, median};
 use super::printer::Printer;
 use super::recording::{Recording, RecordingArgs};
@@ -37,6 +38,8 @@ struct Case {
     recording: Recording,
     target: Option<Target>,
     runs: Vec<Tally>,
+    /// Processor time of each run.
+    processor_s: Vec<f64>,
 }
 
 impl MappingArgs {
@@ -48,7 +51,9 @@ impl MappingArgs {
         }
         for _ in 0..self.repeat {
             for case in &mut cases {
+                let clock = Clock::start();
                 case.runs.push(case.recording.map(&MapSettings::default(), None)?.1);
+                case.processor_s.push(clock.elapsed().processor_s);
             }
         }
         cases.iter().try_for_each(|case| out.figures(case.figures()))
@@ -58,7 +63,13 @@ impl MappingArgs {
         let recording = self.recording.open(folder)?;
         let name =
             format!("{}, {}, decoding included", recording.data.name(), describe(&recording));
-        Ok(Case { name, recording, target: Some(FRAMES_PER_SECOND), runs: Vec::new() })
+        Ok(Case {
+            name,
+            recording,
+            target: Some(FRAMES_PER_SECOND),
+            runs: Vec::new(),
+            processor_s: Vec::new(),
+        })
     }
 
     fn room(&self) -> anyhow::Result<Case> {
@@ -70,7 +81,7 @@ impl MappingArgs {
             recording.data.name(),
             describe(&recording)
         );
-        Ok(Case { name, recording, target: None, runs: Vec::new() })
+        Ok(Case { name, recording, target: None, runs: Vec::new(), processor_s: Vec::new() })
     }
 }
 
@@ -86,9 +97,12 @@ impl Case {
         let figure = |measure: &str, value, unit| Figure::new(&self.name, measure, value, unit);
         let speed = of_runs(Tally::frames_per_second);
         let alone = of_runs(|run| run.frames as f64 / run.mapping_seconds());
+        let frames = self.recording.indices.len() as f64;
+        let processor_ms = median(&self.processor_s) * 1e3 / frames;
         let mut figures = vec![
             figure("frames_per_second", speed, Unit::FramesPerSecond).against(self.target),
             figure("mapper_frames_per_second", alone, Unit::FramesPerSecond),
+            figure("processor_time_per_frame", processor_ms, Unit::Milliseconds),
         ];
         let Some(first) = self.runs.first() else { return figures };
         for stage in first.stages_ms.keys() {
