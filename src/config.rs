@@ -4,12 +4,14 @@
 //! checked and complete: every profile default is filled in, and it travels inside a checkpoint.
 
 mod server;
+mod stored;
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
 pub use server::{DEFAULT_FILE, ServerConfig, ServerSettings, Settings, StorageSettings};
+pub use stored::Kept;
 
 /// How much work a frame may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]

@@ -24,7 +24,7 @@ const IDLE_STEPS: u32 = 300;
 /// What a frame did to the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameOutcome {
-    /// The epoch that holds the frame (the map's frame count).
+    /// The first epoch that holds the frame: that of the next [`Mapper::publish`].
     pub epoch: u64,
     /// Depth pixels with a return; 0 means that the frame was accepted and added nothing.
     pub valid_pixels: u32,
@@ -35,7 +35,9 @@ pub struct FrameOutcome {
 /// Counters and sizes of a map.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct MapStats {
+    /// Published updates: frames taken together, or refinement while no frame came.
     pub epoch: u64,
+    /// Frames in the map.
     pub frames: u64,
     /// Frames without a single valid depth pixel.
     pub frames_empty: u64,
@@ -75,6 +77,8 @@ pub struct Mapper {
     pub(super) changed_bricks: Vec<u32>,
     /// Idle steps since the last frame.
     pub(super) idle_steps: u32,
+    /// Whether the map has changed since its newest epoch.
+    pub(super) changed: bool,
 }
 
 impl Mapper {
@@ -104,6 +108,7 @@ impl Mapper {
             pool,
             config: Arc::new(config),
             idle_steps: 0,
+            changed: false,
             stats: MapStats::default(),
             newest_stamp_ns: 0,
             changed_rows: Vec::new(),
@@ -121,8 +126,8 @@ impl Mapper {
         frame.check()?;
         let start = Instant::now();
         let valid_pixels = frame.depth.valid_pixels() as u32;
-        self.stats.epoch += 1;
         self.stats.frames += 1;
+        self.changed = true;
         self.newest_stamp_ns = self.newest_stamp_ns.max(frame.stamp_ns);
         self.stats.stages_ms.clear();
         self.idle_steps = 0;
@@ -134,13 +139,13 @@ impl Mapper {
             self.stage("allocate", start);
             steps = self.train_on(&view, start)?;
         }
-        Ok(FrameOutcome { epoch: self.stats.epoch, valid_pixels, steps })
+        Ok(FrameOutcome { epoch: self.stats.epoch + 1, valid_pixels, steps })
     }
 
     /// Surfels, evidence, voxels and prior; returns what training keeps of the frame.
     fn allocate(&mut self, frame: &Frame) -> KeyFrame {
-        let epoch = self.stats.epoch as u32;
-        let change = self.surface.integrate(frame, 0, epoch, &mut self.topology, &self.pool);
+        let number = self.stats.frames as u32;
+        let change = self.surface.integrate(frame, 0, number, &mut self.topology, &self.pool);
         self.backend.resize(self.topology.rows());
         self.backend.reset(&change.prior.voided);
         self.changed_rows.extend(change.prior.rows);
@@ -157,7 +162,7 @@ impl Mapper {
             self.key_frames.offer(view);
             return Ok(0);
         }
-        let window = self.key_frames.select(view, self.stats.epoch as u32);
+        let window = self.key_frames.select(view);
         for _ in 0..pace.steps {
             let begin = Instant::now();
             self.step(&window, Some(view), pace.rays, 1.0)?;
@@ -222,9 +227,10 @@ impl Mapper {
         }
     }
 
-    /// Publishes everything integrated so far as a new immutable view.
+    /// Publishes everything so far as an immutable view, of a new epoch if anything has changed.
     pub fn publish(&mut self) -> Arc<MapView> {
         let start = Instant::now();
+        self.stats.epoch += u64::from(std::mem::take(&mut self.changed));
         self.write_nodes();
         self.write_rows();
         self.store.bricks.grow(self.surface.evidence.bricks().div_ceil(BRICKS));
@@ -300,19 +306,15 @@ impl Mapper {
         if self.key_frames.is_empty() || self.config.steps_per_frame == 0 {
             return false;
         }
-        let before = self.idle_steps;
         while self.idle_steps < IDLE_STEPS && start.elapsed() < budget {
-            let selection = (self.stats.epoch as u32).wrapping_add(self.idle_steps);
-            let window = self.key_frames.select_idle(selection);
+            let window = self.key_frames.select_idle();
             let rate = 1.0 - self.idle_steps as f32 / IDLE_STEPS as f32;
             if let Err(error) = self.step(&window, None, self.config.rays_per_step, rate) {
                 tracing::error!(%error, "idle refinement stopped");
                 return false;
             }
             self.idle_steps += 1;
-        }
-        if self.idle_steps > before {
-            self.stats.epoch += 1;
+            self.changed = true;
         }
         self.idle_steps < IDLE_STEPS
     }
