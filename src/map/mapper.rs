@@ -227,6 +227,24 @@ impl Mapper {
         }
     }
 
+    /// Says how many frames of live sensors wait behind the next one. Under `adaptive` they share its
+    /// time.
+    pub fn set_behind(&mut self, frames: u32) {
+        self.schedule.set_behind(frames);
+    }
+
+    /// Gives the trainer threads the lowest share of the processor that `nice` stands for: 0 is
+    /// normal, 19 yields to everyone. Linux alone keeps a nice value for each thread; elsewhere
+    /// nothing changes.
+    pub fn set_trainer_nice(&self, nice: u8) -> Result<()> {
+        #[cfg(target_os = "linux")]
+        for set in self.pool.broadcast(|_| rustix::process::setpriority_process(None, nice.into()))
+        {
+            set.map_err(|e| Error::Internal(format!("the priority of trainer threads: {e}")))?;
+        }
+        Ok(())
+    }
+
     /// Publishes everything so far as an immutable view, of a new epoch if anything has changed.
     pub fn publish(&mut self) -> Arc<MapView> {
         let start = Instant::now();
@@ -239,6 +257,7 @@ impl Mapper {
             page.known[brick as usize % BRICKS] = *self.surface.evidence.known(brick);
         }
         self.stage("publish", start);
+        self.schedule.learn_publish(start.elapsed());
         Arc::new(MapView {
             epoch: self.stats.epoch,
             newest_stamp_ns: self.newest_stamp_ns,
@@ -309,10 +328,12 @@ impl Mapper {
         while self.idle_steps < IDLE_STEPS && start.elapsed() < budget {
             let window = self.key_frames.select_idle();
             let rate = 1.0 - self.idle_steps as f32 / IDLE_STEPS as f32;
-            if let Err(error) = self.step(&window, None, self.config.rays_per_step, rate) {
+            let (rays, begin) = (self.schedule.idle_rays(budget), Instant::now());
+            if let Err(error) = self.step(&window, None, rays, rate) {
                 tracing::error!(%error, "idle refinement stopped");
                 return false;
             }
+            self.schedule.learn(rays, begin.elapsed());
             self.idle_steps += 1;
             self.changed = true;
         }
