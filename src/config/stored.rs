@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use super::MapConfig;
+use super::{BackendChoice, MapConfig, MapSettings};
 
 /// A setting that a stored map keeps although the current settings say otherwise.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -22,6 +22,22 @@ impl std::fmt::Display for Kept {
 }
 
 impl MapConfig {
+    /// The settings that give this configuration.
+    pub fn settings(&self) -> MapSettings {
+        MapSettings {
+            profile: self.profile,
+            schedule: self.schedule,
+            prior: self.prior,
+            backend: BackendChoice::Auto,
+            modalities: self.modalities.clone(),
+            r0_m: self.r0_m,
+            steps: Some(self.steps_per_frame),
+            seed: self.seed,
+            frame_budget_ms: self.frame_budget_ms,
+            memory_mib: self.memory_mib,
+        }
+    }
+
     /// The settings of a stored map that is opened under `current` ones. How much work and memory a
     /// frame may take describes the machine, and follows `current`; everything else describes the
     /// map. Steps per frame follow only where both have the same profile, which decides their
@@ -69,6 +85,12 @@ mod tests {
         let mut settings = MapSettings::default();
         change(&mut settings);
         MapConfig::from_settings(&settings).expect("valid settings")
+    }
+
+    #[test]
+    fn settings_come_back() {
+        let full = config(|s| (s.profile, s.steps, s.seed) = (Profile::Full, Some(9), 4));
+        assert_eq!(MapConfig::from_settings(&full.settings()).expect("valid"), full);
     }
 
     #[test]
