@@ -82,7 +82,9 @@ impl MapArgs {
         check_backend(self.backend)?;
         let mut mapper = match &self.resume {
             Some(checkpoint) => storage::load_with(checkpoint, |stored| self.resumed(stored))?,
-            None => Mapper::new(MapConfig::from_settings(&self.settings(&MapSettings::default()))?)?,
+            None => {
+                Mapper::new(MapConfig::from_settings(&self.settings(&MapSettings::default()))?)?
+            }
         };
         let dataset = dataset::open(&self.dataset, self.format)?;
         let indices = self.frames.unwrap_or_default().indices(dataset.len(), self.stride)?;
@@ -304,7 +306,8 @@ mod tests {
     }
 
     fn arguments(flags: &str) -> MapArgs {
-        let words = ["map", "data", "--out", "map.orenx"].into_iter().chain(flags.split_whitespace());
+        let words =
+            ["map", "data", "--out", "map.orenx"].into_iter().chain(flags.split_whitespace());
         let matches = MapArgs::augment_args(clap::Command::new("map")).get_matches_from(words);
         MapArgs::from_arg_matches(&matches).expect("flags")
     }

@@ -6,6 +6,7 @@
 
 pub mod demo;
 pub mod eval;
+mod invocation;
 pub mod map;
 pub mod mesh;
 mod open;

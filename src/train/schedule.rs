@@ -70,7 +70,8 @@ impl Schedule {
         if !self.adaptive || self.ray_s == 0.0 {
             return self.full.rays;
         }
-        ((slice.as_secs_f32() / self.ray_s) as u32).clamp(MIN_RAYS.min(self.full.rays), self.full.rays)
+        ((slice.as_secs_f32() / self.ray_s) as u32)
+            .clamp(MIN_RAYS.min(self.full.rays), self.full.rays)
     }
 
     /// Says how many frames of live sensors wait behind the next one.
