@@ -12,6 +12,7 @@ const FILES: [&str; 4] = [
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=proto");
     let descriptors = protox::compile(FILES, ["proto"])?;
-    tonic_prost_build::configure().compile_fds(descriptors)?;
+    // What does not decode is the sender's fault: `wire` has a codec that says so.
+    tonic_prost_build::configure().codec_path("crate::wire::Messages").compile_fds(descriptors)?;
     Ok(())
 }

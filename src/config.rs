@@ -4,12 +4,14 @@
 //! checked and complete: every profile default is filled in, and it travels inside a checkpoint.
 
 mod server;
+mod stored;
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
 pub use server::{DEFAULT_FILE, ServerConfig, ServerSettings, Settings, StorageSettings};
+pub use stored::Kept;
 
 /// How much work a frame may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -64,7 +66,7 @@ pub struct MapSettings {
     /// Training steps per frame; `None` follows the profile, 0 means no training.
     pub steps: Option<u32>,
     pub seed: u32,
-    /// Budget of one frame under `adaptive`, ms.
+    /// Budget of one frame under `adaptive`, ms, publishing included.
     pub frame_budget_ms: f32,
     /// Bound of the map's memory, MiB. At the bound new voxels are refused and counted.
     pub memory_mib: u32,
@@ -81,7 +83,7 @@ impl Default for MapSettings {
             r0_m: 0.1,
             steps: None,
             seed: 0,
-            frame_budget_ms: 30.0,
+            frame_budget_ms: 25.0,
             memory_mib: 4096,
         }
     }

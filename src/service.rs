@@ -77,18 +77,10 @@ impl Service {
     pub fn start(config: &ServerConfig, map: MapConfig) -> Result<(Arc<Self>, Engine)> {
         let store = config.storage.as_deref().map(prepare_storage).transpose()?;
         let mapper = match &store {
-            Some(path) => {
-                let mapper = persist::load(path, map.clone())?;
-                if *mapper.config() != map {
-                    tracing::warn!(
-                        "{} keeps the settings that it was made with; [map] differs",
-                        path.display()
-                    );
-                }
-                mapper
-            }
+            Some(path) => persist::load(path, map)?,
             None => Mapper::new(map)?,
         };
+        mapper.set_trainer_nice(config.trainer_nice)?;
         let settings = EngineSettings {
             lane_frames: config.lane_frames,
             lanes: config.lanes,

@@ -13,6 +13,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 
+use super::invocation::invocation;
 use super::serve::interrupted;
 use crate::client::{Client, Pace, StreamReport, load_ahead, send};
 use crate::config::{ServerConfig, Settings};
@@ -63,15 +64,22 @@ async fn demo() -> anyhow::Result<()> {
 
     let (service, engine) = Service::start(&config, map)?;
     let (stop, stopped) = oneshot::channel::<()>();
-    let serving = tokio::spawn(serve::run(listener, service, async {
+    let mut serving = tokio::spawn(serve::run(listener, service, async {
         // Either way it is over.
         let _ = stopped.await;
     }));
     let shown = tokio::select! {
         shown = show(&url) => shown,
-        () = interrupted() => Ok(()),
+        () = interrupted() => {
+            println!("\nstopping");
+            Ok(())
+        }
+        ended = &mut serving => {
+            ended.context("the server's task")??;
+            bail!("the server ended by itself");
+        }
     };
-    // Fails if the server has ended already; then its own result says why.
+    // Fails if the server has just ended; then its own result says why.
     let _ = stop.send(());
     serving.await.context("the server's task")??;
     engine.stop()?;
@@ -105,9 +113,10 @@ async fn show(url: &str) -> anyhow::Result<()> {
         report.frames_per_second(),
         report.epoch
     );
-    println!("\nask the map, in another terminal:");
+    println!("\nask the map, in another terminal, from this folder:");
+    let program = invocation();
     for question in &questions {
-        println!("  {}", question.command(url));
+        println!("  {}", question.command(&program, url));
     }
     if watched {
         println!("\nCtrl-C ends the demo");
@@ -149,7 +158,7 @@ struct Progress {
 
 impl Progress {
     fn start(client: Client, frames: usize, watched: bool) -> anyhow::Result<Self> {
-        let style = ProgressStyle::with_template("{bar:30} {pos}/{len} frames  {prefix}{msg}")?;
+        let style = ProgressStyle::with_template("{bar:10} {pos}/{len} frames, {prefix}{msg}")?;
         let bar = match watched {
             true => ProgressBar::new(frames as u64).with_style(style),
             false => ProgressBar::hidden(),
@@ -159,7 +168,7 @@ impl Progress {
             let mut clock = tokio::time::interval(Duration::from_millis(500));
             while let Ok(report) = client.map_stats(DEFAULT_MAP).await {
                 shown.set_message(format!(
-                    "map {:.1} MB, process {:.0} MB",
+                    "map {:.0} MB, process {:.0} MB",
                     report.stats.map_bytes as f64 * 1e-6,
                     report.resident_bytes as f64 * 1e-6
                 ));
@@ -170,10 +179,10 @@ impl Progress {
     }
 
     fn show(&self, report: &StreamReport) {
-        let line = format!("{:.1} frames/s  epoch {}  ", report.frames_per_second(), report.epoch);
+        let line = format!("{:.1} frames/s, epoch {}, ", report.frames_per_second(), report.epoch);
         self.bar.set_position(report.settled);
         if !self.watched && report.settled.is_multiple_of(50) {
-            println!("{} frames  {line}{}", report.settled, self.bar.message());
+            println!("{} frames, {line}{}", report.settled, self.bar.message());
         }
         self.bar.set_prefix(line);
     }
@@ -194,9 +203,9 @@ struct Question {
 }
 
 impl Question {
-    fn command(&self, url: &str) -> String {
+    fn command(&self, program: &str, url: &str) -> String {
         let p = self.point;
-        format!("orenx query {url} --point {:.2},{:.2},{:.2}   # {}", p.x, p.y, p.z, self.what)
+        format!("{program} query {url} --point {:.2},{:.2},{:.2}   # {}", p.x, p.y, p.z, self.what)
     }
 
     fn tolerance_m(&self) -> f32 {

@@ -36,35 +36,35 @@ pub struct MapArgs {
     /// Take every N-th frame
     #[arg(long, value_name = "N", default_value_t = 1)]
     stride: usize,
-    #[arg(long, value_enum, default_value = "lite")]
-    profile: Profile,
+    /// How much work a frame may take; lite by default
+    #[arg(long, value_enum)]
+    profile: Option<Profile>,
     /// Modalities to map, separated by commas; every one by default
     #[arg(long, value_name = "A,B", value_delimiter = ',')]
     modalities: Vec<String>,
-    /// fixed: the same input gives the same map, bit for bit; adaptive: keep a time budget
-    #[arg(long, value_enum, default_value = "fixed")]
-    schedule: Schedule,
-    /// closed: distances start in closed form; learned: from zero, as in the paper
-    #[arg(long, value_enum, default_value = "closed")]
-    prior: Prior,
+    /// fixed, the default: the same input gives the same map, bit for bit; adaptive: keep a time
+    /// budget
+    #[arg(long, value_enum)]
+    schedule: Option<Schedule>,
+    /// closed, the default: distances start in closed form; learned: from zero, as in the paper
+    #[arg(long, value_enum)]
+    prior: Option<Prior>,
     /// Training steps per frame, 0 = no training; the profile decides by default
     #[arg(long, value_name = "N")]
     steps: Option<u32>,
-    /// Edge length of a level-0 voxel, metres
-    #[arg(long, value_name = "M", default_value_t = 0.1)]
-    r0: f32,
+    /// Edge length of a level-0 voxel, metres; 0.1 by default
+    #[arg(long, value_name = "M")]
+    r0: Option<f32>,
     /// Noise to add to depth: gaussian:S (metres), axial:S (S·z) or kinect:S
     #[arg(long, value_name = "MODEL:S")]
     noise: Option<Noise>,
     #[arg(long, value_enum, default_value = "auto")]
     backend: BackendChoice,
-    /// Seed of every random choice
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u32,
-    /// Go on from a checkpoint, with its settings
-    #[arg(long, value_name = "MAP", conflicts_with_all = [
-        "profile", "modalities", "schedule", "prior", "steps", "r0", "seed",
-    ])]
+    /// Seed of every random choice; 0 by default
+    #[arg(long, value_name = "N")]
+    seed: Option<u32>,
+    /// Go on from a checkpoint, with its settings; --schedule and --steps may change
+    #[arg(long, value_name = "MAP")]
     resume: Option<PathBuf>,
     /// Write the map alone, for serving, without what resuming needs
     #[arg(long)]
@@ -81,8 +81,10 @@ impl MapArgs {
         self.check_targets()?;
         check_backend(self.backend)?;
         let mut mapper = match &self.resume {
-            Some(checkpoint) => storage::load(checkpoint)?,
-            None => Mapper::new(MapConfig::from_settings(&self.settings())?)?,
+            Some(checkpoint) => storage::load_with(checkpoint, |stored| self.resumed(stored))?,
+            None => {
+                Mapper::new(MapConfig::from_settings(&self.settings(&MapSettings::default()))?)?
+            }
         };
         let dataset = dataset::open(&self.dataset, self.format)?;
         let indices = self.frames.unwrap_or_default().indices(dataset.len(), self.stride)?;
@@ -109,17 +111,36 @@ impl MapArgs {
         Ok(())
     }
 
-    fn settings(&self) -> MapSettings {
+    /// What the flags say, over `defaults`.
+    fn settings(&self, defaults: &MapSettings) -> MapSettings {
+        let modalities =
+            if self.modalities.is_empty() { &defaults.modalities } else { &self.modalities };
         MapSettings {
-            profile: self.profile,
-            schedule: self.schedule,
-            prior: self.prior,
+            profile: self.profile.unwrap_or(defaults.profile),
+            schedule: self.schedule.unwrap_or(defaults.schedule),
+            prior: self.prior.unwrap_or(defaults.prior),
             backend: self.backend,
-            modalities: self.modalities.clone(),
-            r0_m: self.r0,
-            steps: self.steps,
-            seed: self.seed,
-            ..MapSettings::default()
+            modalities: modalities.clone(),
+            r0_m: self.r0.unwrap_or(defaults.r0_m),
+            steps: self.steps.or(defaults.steps),
+            seed: self.seed.unwrap_or(defaults.seed),
+            ..*defaults
+        }
+    }
+
+    /// The settings of a checkpoint with what the flags may change of them. A flag that says again
+    /// what the checkpoint says is fine; one that contradicts it is an error.
+    fn resumed(&self, stored: MapConfig) -> Result<MapConfig> {
+        let flags = MapConfig::from_settings(&self.settings(&stored.settings()))?;
+        match stored.kept(&flags).first() {
+            None => Ok(stored.resumed(&flags)),
+            Some(kept) => Err(Error::invalid(
+                kept.field.trim_end_matches("_m"),
+                format!(
+                    "{} contradicts the checkpoint, which was made with {}; leave the flag out",
+                    kept.current, kept.stored
+                ),
+            )),
         }
     }
 
@@ -215,6 +236,8 @@ fn check_backend(choice: BackendChoice) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
+    use clap::FromArgMatches;
+
     use super::*;
     use crate::dataset::synthetic::Synthetic;
     use crate::frame::Frame;
@@ -280,6 +303,39 @@ mod tests {
     #[test]
     fn a_signal_stops_between_frames() {
         assert_eq!(map(9, None, true).expect("stopped").frames, 0);
+    }
+
+    fn arguments(flags: &str) -> MapArgs {
+        let words =
+            ["map", "data", "--out", "map.orenx"].into_iter().chain(flags.split_whitespace());
+        let matches = MapArgs::augment_args(clap::Command::new("map")).get_matches_from(words);
+        MapArgs::from_arg_matches(&matches).expect("flags")
+    }
+
+    #[test]
+    fn a_checkpoint_takes_flags_for_the_work_and_refuses_those_that_contradict_it() {
+        let made = arguments("--profile full --r0 0.05 --steps 2 --seed 5 --modalities sdf");
+        let made = made.settings(&MapSettings::default());
+        let stored = MapConfig::from_settings(&made).expect("valid");
+        let resumed = |flags: &str| arguments(flags).resumed(stored.clone());
+        assert_eq!(resumed("").expect("its own settings"), stored);
+        assert_eq!(resumed("--profile full --r0 0.05 --seed 5").expect("the same again"), stored);
+        let changed = resumed("--schedule adaptive --steps 7").expect("less or more work");
+        assert_eq!((changed.schedule, changed.steps_per_frame), (Schedule::Adaptive, 7));
+        let back = MapConfig { schedule: Schedule::Fixed, steps_per_frame: 2, ..changed };
+        assert_eq!(back, stored);
+        for (flags, field, value) in [
+            ("--profile lite", "profile", "full"),
+            ("--prior learned", "prior", "closed"),
+            ("--modalities sdf,occupancy", "modalities", "sdf"),
+            ("--r0 0.1", "r0", "0.05"),
+            ("--seed 0", "seed", "5"),
+        ] {
+            let error = resumed(flags).expect_err(flags);
+            assert_eq!(error.exit_code(), 2);
+            let error = error.to_string();
+            assert!(error.starts_with(&format!("{field}: ")) && error.contains(value), "{error}");
+        }
     }
 
     #[test]

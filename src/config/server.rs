@@ -32,6 +32,7 @@ pub struct ServerSettings {
     pub lanes: u32,
     pub queued_mib: u32,
     pub publish_interval_ms: u32,
+    pub trainer_nice: u32,
 }
 
 /// `[storage]`.
@@ -62,6 +63,7 @@ impl Default for ServerSettings {
             lanes: 64,
             queued_mib: 512,
             publish_interval_ms: 33,
+            trainer_nice: 19,
         }
     }
 }
@@ -112,6 +114,8 @@ pub struct ServerConfig {
     /// Memory of all waiting frames, bytes.
     pub queued_bytes: usize,
     pub publish_interval: Duration,
+    /// The nice value of the trainer threads, at most 19.
+    pub trainer_nice: u8,
     /// The folder that holds the maps; `None` keeps them in memory.
     pub storage: Option<PathBuf>,
 }
@@ -153,6 +157,7 @@ impl ServerConfig {
                 server.publish_interval_ms,
                 0..=10_000,
             )? as u64),
+            trainer_nice: within("trainer_nice", server.trainer_nice, 0..=19)? as u8,
             storage: (!settings.storage.path.as_os_str().is_empty())
                 .then(|| settings.storage.path.clone()),
         };
@@ -188,7 +193,7 @@ mod tests {
 
     #[test]
     fn the_compiled_in_file_mentions_every_key_in_its_section() {
-        for (section, at_least) in [("server", 7), ("storage", 1), ("map", 10)] {
+        for (section, at_least) in [("server", 8), ("storage", 1), ("map", 10)] {
             let (_, rest) = DEFAULT_FILE.split_once(&format!("\n[{section}]\n")).expect(section);
             let body = rest.split("\n[").next().unwrap_or_default();
             let keys = keys(section);
@@ -224,6 +229,7 @@ mod tests {
         for (text, key) in [
             ("[server]\nlanes = 0\n", "server.lanes"),
             ("[server]\ngrpc = \"here\"\n", "server.grpc"),
+            ("[server]\ntrainer_nice = 20\n", "server.trainer_nice"),
             ("[server]\nmax_points = 4000000\n", "server.max_points"),
             ("[map]\nr0_m = 5.0\n", "map.r0_m"),
         ] {

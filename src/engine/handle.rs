@@ -80,7 +80,8 @@ enum Phase {
 
 /// What the thread does next.
 pub(super) enum Event {
-    Frame(Job),
+    /// A frame, and how many of live sensors wait behind it.
+    Frame(Job, usize),
     /// No frame waits.
     Idle,
     /// The end, and the frames that will not be integrated.
@@ -150,7 +151,7 @@ impl Shared {
             }
             if let Some(job) = inbox.lanes.pop() {
                 wake(&mut inbox.senders);
-                return Event::Frame(job);
+                return Event::Frame(job, inbox.lanes.live());
             }
             inbox = match deadline.map(|d| d.saturating_duration_since(Instant::now())) {
                 None => self.bell.wait(inbox).unwrap_or_else(PoisonError::into_inner),

@@ -37,6 +37,8 @@ struct Lane {
     queue: VecDeque<Job>,
     /// The push count at the last use; the smallest one gives its place to a new sensor.
     used: u64,
+    /// The policy of the newest frame.
+    policy: QueuePolicy,
 }
 
 /// All lanes. Bounded in sensors, in frames of a sensor and in bytes.
@@ -97,6 +99,7 @@ impl Lanes {
         self.bytes += bytes;
         let lane = &mut self.lanes[index];
         lane.used = self.pushes;
+        lane.policy = policy;
         let queue = Queue { waiting: lane.queue.len() + 1, capacity: self.max_frames };
         job.ticket.accepted(queue);
         lane.queue.push_back(job);
@@ -116,6 +119,12 @@ impl Lanes {
         None
     }
 
+    /// Frames of live sensors that wait: those that time would drop.
+    pub(super) fn live(&self) -> usize {
+        let live = self.lanes.iter().filter(|lane| lane.policy == QueuePolicy::Latest);
+        live.map(|lane| lane.queue.len()).sum()
+    }
+
     /// The lane of a frame's sensor; a new sensor takes a free place or that of the empty lane
     /// which was idle longest.
     fn lane_of(&mut self, frame: &Frame) -> Option<usize> {
@@ -128,6 +137,7 @@ impl Lanes {
             sensor_id: frame.sensor_id.clone(),
             queue: VecDeque::new(),
             used: self.pushes,
+            policy: QueuePolicy::Latest,
         };
         if self.lanes.len() < self.max_lanes {
             self.lanes.push(lane);
@@ -227,8 +237,9 @@ mod tests {
         let expected =
             [note(1, "waits 1/2"), note(2, "waits 2/2"), note(1, "replaced"), note(3, "waits 2/2")];
         assert_eq!(told(&news), expected);
+        assert_eq!(lanes.live(), 2);
         let order: Vec<u64> = std::iter::from_fn(|| lanes.pop()).map(|j| j.frame.seq).collect();
-        assert_eq!(order, [2, 3]);
+        assert_eq!((order, lanes.live()), (vec![2, 3], 0));
         assert_eq!(lanes.bytes, 0);
     }
 
@@ -236,6 +247,7 @@ mod tests {
     fn a_sender_that_may_not_lose_frames_waits() {
         let (news, mut lanes) = (News::default(), lanes(1, 4, 10_000));
         assert!(lanes.push(job(&news, "a", 1), QueuePolicy::Block).is_none());
+        assert_eq!(lanes.live(), 0, "nothing of a recording is ever dropped");
         let back = lanes.push(job(&news, "a", 2), QueuePolicy::Block).expect("no room");
         assert_eq!(lanes.pop().expect("the first").frame.seq, 1);
         assert!(lanes.push(back, QueuePolicy::Block).is_none());

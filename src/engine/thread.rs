@@ -15,6 +15,9 @@ use crate::storage;
 
 /// How long a slice of idle refinement may keep a new frame waiting.
 const REFINE_SLICE: Duration = Duration::from_millis(10);
+/// Idle refinement starts when no frame has come for so long: it must not fill the pauses of a
+/// camera, which belong to queries and to the next frame.
+const QUIET: Duration = Duration::from_millis(100);
 /// Idle refinement publishes at most this often.
 const REFINE_INTERVAL: Duration = Duration::from_secs(1);
 
@@ -36,6 +39,7 @@ impl Engine {
             shared,
             unpublished: Vec::new(),
             published_at: Instant::now(),
+            framed_at: Instant::now(),
             refining: false,
             refined: false,
         };
@@ -84,6 +88,8 @@ struct Owner {
     /// interval.
     unpublished: Vec<(Ticket, u64)>,
     published_at: Instant,
+    /// When the last frame was integrated.
+    framed_at: Instant,
     /// Whether refinement is still worth doing.
     refining: bool,
     /// Whether refinement changed the map since the last view.
@@ -111,31 +117,36 @@ impl Owner {
 
     fn work(&mut self) {
         loop {
-            match self.shared.next(self.patience()) {
-                Event::Frame(job) => self.integrate(job),
-                Event::Idle => self.idle(),
+            match self.shared.next(self.patience(Instant::now())) {
+                Event::Frame(job, behind) => self.integrate(job, behind),
+                Event::Idle => self.idle(Instant::now()),
                 Event::Stop(waiting) => {
                     for job in waiting {
                         job.ticket.settle(Verdict::Dropped(Reason::Stopping));
                     }
-                    return self.publish();
+                    return self.publish(Instant::now());
                 }
             }
         }
     }
 
-    /// How long to wait for a frame before there is something else to do.
-    fn patience(&self) -> Option<Duration> {
-        if !self.unpublished.is_empty() || self.refining {
+    /// How long to wait for a frame before there is something else to do; without end when nothing
+    /// is left, so that an idle map costs nothing.
+    fn patience(&self, now: Instant) -> Option<Duration> {
+        let until = |interval: Duration, since| interval.saturating_sub(now.duration_since(since));
+        if !self.unpublished.is_empty() {
             Some(Duration::ZERO)
+        } else if self.refining {
+            Some(until(QUIET, self.framed_at))
         } else if self.refined {
-            Some(REFINE_INTERVAL.saturating_sub(self.published_at.elapsed()))
+            Some(until(REFINE_INTERVAL, self.published_at))
         } else {
             None
         }
     }
 
-    fn integrate(&mut self, job: Job) {
+    fn integrate(&mut self, job: Job, behind: usize) {
+        self.mapper.set_behind(u32::try_from(behind).unwrap_or(u32::MAX));
         match self.mapper.integrate(&job.frame) {
             Ok(outcome) => {
                 self.unpublished.push((job.ticket, outcome.epoch));
@@ -143,29 +154,31 @@ impl Owner {
             }
             Err(error) => job.ticket.settle(Verdict::Rejected(error)),
         }
-        let is_due = self.published_at.elapsed() >= self.settings.publish_interval;
+        let now = Instant::now();
+        self.framed_at = now;
+        let is_due = now.duration_since(self.published_at) >= self.settings.publish_interval;
         if is_due && !self.unpublished.is_empty() {
-            self.publish();
+            self.publish(now);
         }
     }
 
-    fn idle(&mut self) {
+    fn idle(&mut self, now: Instant) {
         if !self.unpublished.is_empty() {
-            return self.publish();
+            return self.publish(now);
         }
         if self.refining {
             self.refining = self.mapper.refine(REFINE_SLICE);
             self.refined = true;
         }
-        if self.refined && self.published_at.elapsed() >= REFINE_INTERVAL {
-            self.publish();
+        if self.refined && now.duration_since(self.published_at) >= REFINE_INTERVAL {
+            self.publish(now);
         }
     }
 
     /// Shows the map to readers, then tells the senders.
-    fn publish(&mut self) {
+    fn publish(&mut self, now: Instant) {
         self.shared.publish(snapshot(&mut self.mapper));
-        self.published_at = Instant::now();
+        self.published_at = now;
         self.refined = false;
         for (ticket, epoch) in self.unpublished.drain(..) {
             ticket.settle(Verdict::Integrated { epoch });
@@ -191,4 +204,100 @@ fn message(panic: &(dyn std::any::Any + Send)) -> &str {
         .map(String::as_str)
         .or_else(|| panic.downcast_ref::<&str>().copied())
         .unwrap_or("without a message")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{MapConfig, MapSettings};
+    use crate::dataset::Dataset;
+    use crate::dataset::synthetic::Synthetic;
+    use crate::engine::{FrameSink, Queue};
+
+    struct Nobody;
+
+    impl FrameSink for Nobody {
+        fn accepted(&mut self, _queue: Queue) {}
+
+        fn settle(self: Box<Self>, verdict: Verdict) {
+            assert!(matches!(verdict, Verdict::Integrated { .. }), "{verdict:?}");
+        }
+    }
+
+    /// The thread's inside, driven by the test and by the test's clock.
+    fn owner() -> Owner {
+        let mut config = MapConfig::from_settings(&MapSettings::default()).expect("defaults");
+        config.rays_per_step = 64;
+        let settings = EngineSettings {
+            lane_frames: 2,
+            lanes: 1,
+            queued_bytes: 1 << 20,
+            publish_interval: Duration::ZERO,
+            store: None,
+        };
+        let mut mapper = Mapper::new(config).expect("an empty map");
+        let shared = Arc::new(Shared::new(&settings, snapshot(&mut mapper)));
+        Owner {
+            mapper,
+            settings,
+            shared,
+            unpublished: Vec::new(),
+            published_at: Instant::now(),
+            framed_at: Instant::now(),
+            refining: false,
+            refined: false,
+        }
+    }
+
+    fn published(owner: &Owner) -> Published {
+        Handle(owner.shared.clone()).published()
+    }
+
+    fn frame(owner: &mut Owner, index: usize) {
+        let frame = Synthetic::room(100).with_width(64).load(index, false).expect("a frame");
+        owner.integrate(Job { frame, ticket: Ticket::new(Box::new(Nobody)) }, 0);
+    }
+
+    #[test]
+    fn idle_refinement_publishes_once_a_second_ends_and_sleeps() {
+        let mut owner = owner();
+        assert_eq!(owner.patience(Instant::now()), None, "an empty map sleeps");
+        for round in 0..2 {
+            for index in 0..3 {
+                frame(&mut owner, 20 * round + index);
+            }
+            let (start, steps) = (owner.framed_at, published(&owner).stats.steps);
+            let mut now = start;
+            let mut seen_at = vec![(published(&owner).view.epoch(), start)];
+            while let Some(patience) = owner.patience(now) {
+                now += patience.max(Duration::from_millis(10));
+                owner.idle(now);
+                let epoch = published(&owner).view.epoch();
+                if seen_at.last().is_some_and(|(last, _)| *last != epoch) {
+                    seen_at.push((epoch, now));
+                }
+                assert!(now - start < Duration::from_secs(60), "refinement ends");
+            }
+            for pair in seen_at.windows(2) {
+                let [(before, earlier), (after, later)] = pair else { continue };
+                assert_eq!(*after, before + 1);
+                assert!(*later - *earlier >= REFINE_INTERVAL, "{seen_at:?}");
+            }
+            assert!(seen_at.len() > 1, "what refinement did is published");
+            let refined = published(&owner).stats.steps - steps;
+            assert!((1..=1000).contains(&refined), "{refined} steps");
+            owner.idle(now + Duration::from_secs(9));
+            assert_eq!(published(&owner).stats.steps - steps, refined, "and then nothing");
+            assert_eq!(published(&owner).stats.frames, 3 * (round as u64 + 1));
+        }
+    }
+
+    #[test]
+    fn the_pauses_of_a_camera_are_left_to_others() {
+        let mut owner = owner();
+        frame(&mut owner, 0);
+        let between = owner.framed_at + Duration::from_millis(33);
+        assert_eq!(owner.patience(between), Some(QUIET - Duration::from_millis(33)));
+        assert_eq!(owner.patience(owner.framed_at + QUIET), Some(Duration::ZERO));
+    }
 }

@@ -25,7 +25,7 @@ const IDLE_STEPS: u32 = 300;
 /// What a frame did to the map.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameOutcome {
-    /// The epoch that holds the frame (the map's frame count).
+    /// The first epoch that holds the frame: that of the next [`Mapper::publish`].
     pub epoch: u64,
     /// Depth pixels with a return; 0 means that the frame was accepted and added nothing.
     pub valid_pixels: u32,
@@ -36,7 +36,9 @@ pub struct FrameOutcome {
 /// Counters and sizes of a map.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct MapStats {
+    /// Published updates: frames taken together, or refinement while no frame came.
     pub epoch: u64,
+    /// Frames in the map.
     pub frames: u64,
     /// Frames without a single valid depth pixel.
     pub frames_empty: u64,
@@ -80,6 +82,8 @@ pub struct Mapper {
     pub(super) changed_bricks: Vec<u32>,
     /// Idle steps since the last frame.
     pub(super) idle_steps: u32,
+    /// Whether the map has changed since its newest epoch.
+    pub(super) changed: bool,
 }
 
 impl Mapper {
@@ -115,6 +119,7 @@ impl Mapper {
             pool,
             config: Arc::new(config),
             idle_steps: 0,
+            changed: false,
             stats: MapStats::default(),
             newest_stamp_ns: 0,
             changed_rows: Vec::new(),
@@ -132,8 +137,8 @@ impl Mapper {
         frame.check()?;
         let start = Instant::now();
         let valid_pixels = frame.depth.valid_pixels() as u32;
-        self.stats.epoch += 1;
         self.stats.frames += 1;
+        self.changed = true;
         self.newest_stamp_ns = self.newest_stamp_ns.max(frame.stamp_ns);
         self.stats.stages_ms.clear();
         self.idle_steps = 0;
@@ -145,14 +150,14 @@ impl Mapper {
             self.stage("allocate", start);
             steps = self.train_on(&view, start)?;
         }
-        Ok(FrameOutcome { epoch: self.stats.epoch, valid_pixels, steps })
+        Ok(FrameOutcome { epoch: self.stats.epoch + 1, valid_pixels, steps })
     }
 
     /// Surfels, evidence, voxels and prior; returns what training keeps of the frame.
     fn allocate(&mut self, frame: &Frame) -> KeyFrame {
-        let epoch = self.stats.epoch as u32;
+        let number = self.stats.frames as u32;
         self.grant_room();
-        let change = self.surface.integrate(frame, 0, epoch, &mut self.topology, &self.pool);
+        let change = self.surface.integrate(frame, 0, number, &mut self.topology, &self.pool);
         self.backend.resize(self.topology.rows());
         self.backend.reset(&change.prior.voided);
         self.changed_rows.extend(change.prior.rows);
@@ -183,7 +188,7 @@ impl Mapper {
             self.key_frames.offer(view);
             return Ok(0);
         }
-        let window = self.key_frames.select(view, self.stats.epoch as u32);
+        let window = self.key_frames.select(view);
         for _ in 0..pace.steps {
             let begin = Instant::now();
             self.step(&window, Some(view), pace.rays, 1.0)?;
@@ -248,9 +253,28 @@ impl Mapper {
         }
     }
 
-    /// Publishes everything integrated so far as a new immutable view.
+    /// Says how many frames of live sensors wait behind the next one. Under `adaptive` they share its
+    /// time.
+    pub fn set_behind(&mut self, frames: u32) {
+        self.schedule.set_behind(frames);
+    }
+
+    /// Gives the trainer threads the lowest share of the processor that `nice` stands for: 0 is
+    /// normal, 19 yields to everyone. Linux alone keeps a nice value for each thread; elsewhere
+    /// nothing changes.
+    pub fn set_trainer_nice(&self, nice: u8) -> Result<()> {
+        #[cfg(target_os = "linux")]
+        for set in self.pool.broadcast(|_| rustix::process::setpriority_process(None, nice.into()))
+        {
+            set.map_err(|e| Error::Internal(format!("the priority of trainer threads: {e}")))?;
+        }
+        Ok(())
+    }
+
+    /// Publishes everything so far as an immutable view, of a new epoch if anything has changed.
     pub fn publish(&mut self) -> Arc<MapView> {
         let start = Instant::now();
+        self.stats.epoch += u64::from(std::mem::take(&mut self.changed));
         self.write_nodes();
         self.write_rows();
         self.store.bricks.grow(self.surface.evidence.bricks().div_ceil(BRICKS));
@@ -259,6 +283,7 @@ impl Mapper {
             page.known[brick as usize % BRICKS] = *self.surface.evidence.known(brick);
         }
         self.stage("publish", start);
+        self.schedule.learn_publish(start.elapsed());
         Arc::new(MapView {
             epoch: self.stats.epoch,
             newest_stamp_ns: self.newest_stamp_ns,
@@ -326,19 +351,17 @@ impl Mapper {
         if self.key_frames.is_empty() || self.config.steps_per_frame == 0 {
             return false;
         }
-        let before = self.idle_steps;
         while self.idle_steps < IDLE_STEPS && start.elapsed() < budget {
-            let selection = (self.stats.epoch as u32).wrapping_add(self.idle_steps);
-            let window = self.key_frames.select_idle(selection);
+            let window = self.key_frames.select_idle();
             let rate = 1.0 - self.idle_steps as f32 / IDLE_STEPS as f32;
-            if let Err(error) = self.step(&window, None, self.config.rays_per_step, rate) {
+            let (rays, begin) = (self.schedule.idle_rays(budget), Instant::now());
+            if let Err(error) = self.step(&window, None, rays, rate) {
                 tracing::error!(%error, "idle refinement stopped");
                 return false;
             }
+            self.schedule.learn(rays, begin.elapsed());
             self.idle_steps += 1;
-        }
-        if self.idle_steps > before {
-            self.stats.epoch += 1;
+            self.changed = true;
         }
         self.idle_steps < IDLE_STEPS
     }

@@ -13,7 +13,7 @@ use crate::geometry::Aabb;
 use crate::modality::{Decoders, OCCUPANCY_FEATURES, SDF_FEATURES, occupancy, sdf};
 use crate::octree::{Cell, ChildLink, Explicit, NO_NODE, NO_ROW, Root, TopologyState};
 use crate::surface::{Known, Lattice, SurfaceState};
-use crate::train::{KeyFramesState, Schedule};
+use crate::train::KeyFramesState;
 
 /// How far a map has come.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -21,7 +21,8 @@ pub struct Progress {
     pub stats: MapStats,
     pub newest_stamp_ns: i64,
     pub idle_steps: u32,
-    pub schedule: Schedule,
+    /// Whether the map has changed since its newest epoch.
+    pub changed: bool,
 }
 
 /// A mapper from which another goes on, bit for bit under `fixed`.
@@ -42,7 +43,7 @@ impl Mapper {
                 stats: self.stats.clone(),
                 newest_stamp_ns: self.newest_stamp_ns,
                 idle_steps: self.idle_steps,
-                schedule: self.schedule.clone(),
+                changed: self.changed,
             },
             topology: self.topology.state(),
             surface: self.surface.state(),
@@ -51,13 +52,14 @@ impl Mapper {
         }
     }
 
-    /// A mapper with the settings and the state of another.
+    /// A mapper with the state of another. The settings are that one's too, except for those that
+    /// [`MapConfig::resumed`] takes from the machine.
     pub fn from_state(config: MapConfig, state: MapperState<'_>) -> Result<Self> {
         let mut mapper = Self::new(config)?;
         mapper.stats = state.progress.stats;
         mapper.newest_stamp_ns = state.progress.newest_stamp_ns;
         mapper.idle_steps = state.progress.idle_steps;
-        mapper.schedule = state.progress.schedule;
+        mapper.changed = state.progress.changed;
         mapper.topology = mapper.topology.with_state(state.topology)?;
         let rows = mapper.topology.rows();
         mapper.surface = mapper.surface.with_state(state.surface, rows)?;

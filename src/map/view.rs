@@ -153,7 +153,8 @@ pub struct MapView {
 }
 
 impl MapView {
-    /// The number of updates that this view holds.
+    /// The number of this view among those that were published: it grows with every update, be it
+    /// of frames or of refinement while none came. Frames are counted apart (`MapStats::frames`).
     pub fn epoch(&self) -> u64 {
         self.epoch
     }

@@ -1,5 +1,6 @@
 //! Answers: the server's edges.
 
+mod deadline;
 mod grpc;
 mod run;
 

@@ -11,6 +11,7 @@ use tonic::transport::Server;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
+use super::deadline::Deadlines;
 use super::grpc::Edge;
 use crate::error::{Error, Result};
 use crate::ingest::IngestService;
@@ -56,6 +57,7 @@ pub async fn run(
         .concurrency_limit_per_connection(CONNECTION_REQUESTS)
         .http2_keepalive_interval(Some(KEEPALIVE))
         .tcp_nodelay(true)
+        .layer(Deadlines)
         .add_service(health_service)
         .add_service(ingest)
         .add_service(query)

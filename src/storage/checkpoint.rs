@@ -122,6 +122,7 @@ struct Tree {
 struct KeyRecord {
     newest: Option<u32>,
     idle_cursor: u32,
+    selections: u32,
     frames: Vec<Option<FrameRecord>>,
 }
 
@@ -133,11 +134,23 @@ pub fn save(mapper: &mut Mapper, path: &Path, compact: bool) -> Result<()> {
     if compact { save_compact(&mapper.publish(), path) } else { save_checkpoint(mapper, path) }
 }
 
-/// Loads a checkpoint, to go on mapping.
+/// Loads a checkpoint, to go on mapping with the settings that it was made with.
 pub fn load(path: &Path) -> Result<Mapper> {
+    load_with(path, Ok)
+}
+
+/// Loads a checkpoint, to go on mapping with what `settle` makes of its settings
+/// ([`MapConfig::resumed`]).
+pub fn load_with(
+    path: &Path,
+    settle: impl FnOnce(MapConfig) -> Result<MapConfig>,
+) -> Result<Mapper> {
     let mut sections = Sections::read(path, &ALL)?;
     match sections.take_record(KIND)? {
-        Kind::Checkpoint => take_mapper(&mut sections),
+        Kind::Checkpoint => {
+            let config = settle(sections.take_record(CONFIG)?)?;
+            take_mapper(config, &mut sections)
+        }
         Kind::Compact => Err(Error::FailedPrecondition(format!(
             "{}: saved with --compact, which answers but cannot go on mapping",
             path.display()
@@ -149,7 +162,10 @@ pub fn load(path: &Path) -> Result<Mapper> {
 pub fn load_view(path: &Path) -> Result<Arc<MapView>> {
     let mut sections = Sections::read(path, &ALL)?;
     match sections.take_record(KIND)? {
-        Kind::Checkpoint => Ok(take_mapper(&mut sections)?.publish()),
+        Kind::Checkpoint => {
+            let config = sections.take_record(CONFIG)?;
+            Ok(take_mapper(config, &mut sections)?.publish())
+        }
         Kind::Compact => take_view(&mut sections).map(Arc::new),
     }
 }
@@ -171,6 +187,7 @@ fn save_checkpoint(mapper: &Mapper, path: &Path) -> Result<()> {
     let record = KeyRecord {
         newest: keys.newest,
         idle_cursor: keys.idle_cursor,
+        selections: keys.selections,
         frames: keys.frames.clone(),
     };
     out.put_record(KEY_FRAMES, &record)?;
@@ -217,8 +234,7 @@ fn put_surface<'a>(out: &mut Sections<'a>, state: &'a SurfaceState<'_>) -> Resul
     out.put_array(RINGED, &state.ringed)
 }
 
-fn take_mapper(from: &mut Sections<'_>) -> Result<Mapper> {
-    let config: MapConfig = from.take_record(CONFIG)?;
+fn take_mapper(config: MapConfig, from: &mut Sections<'_>) -> Result<Mapper> {
     let progress: Progress = from.take_record(PROGRESS)?;
     let topology = take_topology(from)?;
     let surface = take_surface(from)?;
@@ -226,6 +242,7 @@ fn take_mapper(from: &mut Sections<'_>) -> Result<Mapper> {
     let key_frames = KeyFramesState {
         newest: record.newest,
         idle_cursor: record.idle_cursor,
+        selections: record.selections,
         frames: record.frames,
         pixels: from.take_array(KEY_PIXELS)?,
         cells: from.take_array(KEY_CELLS)?,

@@ -10,5 +10,5 @@ mod sections;
 mod tests;
 
 pub use atomic::{folder_of, write_file};
-pub use checkpoint::{load, load_view, save};
+pub use checkpoint::{load, load_view, load_with, save};
 pub use sections::{Sections, Tag};

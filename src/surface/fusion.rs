@@ -138,7 +138,7 @@ impl Surface {
         self.surfels.bytes() + self.evidence.bytes() + self.prior.bytes()
     }
 
-    /// Takes a frame in. `epoch` counts from 1; `source` is the robot.
+    /// Takes a frame in. `epoch` counts the frames from 1; `source` is the robot.
     pub fn integrate(
         &mut self,
         frame: &Frame,

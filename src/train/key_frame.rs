@@ -112,6 +112,8 @@ pub struct KeyFrames {
     by_block: Vec<(u64, BlockFrames)>,
     /// Where the next idle window starts.
     idle_cursor: u32,
+    /// Windows selected so far: the clock by which blocks wait.
+    selections: u32,
     index: FxHashMap<u64, u32>,
 }
 
@@ -120,6 +122,7 @@ pub struct KeyFrames {
 pub struct KeyFramesState {
     pub newest: Option<u32>,
     pub idle_cursor: u32,
+    pub selections: u32,
     pub frames: Vec<Option<FrameRecord>>,
     pub pixels: Vec<Pixel>,
     /// Blocks and then voxels of each frame.
@@ -158,6 +161,7 @@ impl KeyFrames {
             newest: None,
             by_block: Vec::new(),
             idle_cursor: 0,
+            selections: 0,
             index: FxHashMap::default(),
         }
     }
@@ -167,6 +171,7 @@ impl KeyFrames {
         let mut state = KeyFramesState {
             newest: self.newest,
             idle_cursor: self.idle_cursor,
+            selections: self.selections,
             ..KeyFramesState::default()
         };
         for frame in &self.frames {
@@ -227,6 +232,7 @@ impl KeyFrames {
         }
         self.newest = state.newest;
         self.idle_cursor = state.idle_cursor;
+        self.selections = state.selections;
         Ok(self)
     }
 
@@ -279,20 +285,20 @@ impl KeyFrames {
 
     /// The key frames to train on beside the current view, by greedy cover: first the one whose
     /// blocks have waited longest, and so on. Persistent, so that consecutive windows take turns.
-    pub fn select(&mut self, view: &KeyFrame, selection: u32) -> Vec<u32> {
+    pub fn select(&mut self, view: &KeyFrame) -> Vec<u32> {
         let candidates = self.candidates(&view.blocks);
-        self.cover(&candidates, selection)
+        self.cover(&candidates)
     }
 
     /// A window for idle refinement: neighbours of the key frame whose turn it is.
-    pub fn select_idle(&mut self, selection: u32) -> Vec<u32> {
+    pub fn select_idle(&mut self) -> Vec<u32> {
         for _ in 0..self.frames.len() {
             let id = self.idle_cursor as usize % self.frames.len();
             self.idle_cursor = (id + 1) as u32;
             if let Some(frame) = &self.frames[id] {
                 let blocks = frame.blocks.clone();
                 let candidates = self.candidates(&blocks);
-                return self.cover(&candidates, selection);
+                return self.cover(&candidates);
             }
         }
         Vec::new()
@@ -322,7 +328,9 @@ impl KeyFrames {
         ids
     }
 
-    fn cover(&mut self, candidates: &[u32], selection: u32) -> Vec<u32> {
+    fn cover(&mut self, candidates: &[u32]) -> Vec<u32> {
+        self.selections = self.selections.saturating_add(1);
+        let selection = self.selections;
         let blocks: Vec<Vec<u32>> = candidates
             .iter()
             .map(|&id| {

@@ -2,11 +2,9 @@
 
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
-
 use crate::config::{self, MapConfig};
 
-/// Rays are halved down to this before steps are left out.
+/// Steps are left out rather than made with fewer rays than this.
 const MIN_RAYS: u32 = 256;
 
 /// Rays and steps of one frame.
@@ -16,14 +14,19 @@ pub struct Pace {
     pub steps: u32,
 }
 
-/// Fits rays and steps into the frame's time under `adaptive`; constant under `fixed`.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+/// Fits rays and steps into the frame's time under `adaptive`; constant under `fixed`, where no
+/// clock may reach the map.
+#[derive(Debug, Clone)]
 pub struct Schedule {
     adaptive: bool,
     budget_s: f32,
-    full: (u32, u32),
+    full: Pace,
     /// Smoothed cost of a ray, s; 0 before the first measurement.
     ray_s: f32,
+    /// Smoothed cost of publishing, s: a part of every frame that comes after its training.
+    publish_s: f32,
+    /// Frames of live sensors that wait behind the current one.
+    behind: u32,
 }
 
 impl Schedule {
@@ -32,35 +35,120 @@ impl Schedule {
         Self {
             adaptive: config.schedule == config::Schedule::Adaptive,
             budget_s: config.frame_budget_ms * 1e-3,
-            full: (config.rays_per_step, config.steps_per_frame),
+            full: Pace { rays: config.rays_per_step, steps: config.steps_per_frame },
             ray_s: 0.0,
+            publish_s: 0.0,
+            behind: 0,
         }
     }
 
-    /// What to do in a frame that has already taken `spent`.
+    /// What to do in a frame that has already taken `spent`. The frames that wait behind it share
+    /// its budget: what they would lose is a drop, what it loses is training that can be made up.
     pub fn pace(&self, spent: Duration) -> Pace {
-        let (rays, steps) = self.full;
-        if !self.adaptive || steps == 0 {
-            return Pace { rays, steps };
+        let full = self.full;
+        if !self.adaptive || full.steps == 0 {
+            return full;
         }
-        if self.ray_s == 0.0 {
-            return Pace { rays: MIN_RAYS, steps: 1 };
-        }
-        let affordable = ((self.budget_s - spent.as_secs_f32()) / self.ray_s).max(0.0) as u32;
+        let budget_s = self.budget_s / (1 + self.behind) as f32;
+        let left_s = budget_s - spent.as_secs_f32() - self.publish_s;
+        let affordable = match self.ray_s {
+            0.0 if left_s > 0.0 => MIN_RAYS,
+            0.0 => 0,
+            ray_s => (left_s / ray_s).max(0.0) as u32,
+        };
         if affordable < MIN_RAYS {
-            return Pace { rays: 0, steps: 0 };
+            Pace { rays: 0, steps: 0 }
+        } else if affordable < full.rays {
+            Pace { rays: affordable, steps: 1 }
+        } else {
+            Pace { rays: full.rays, steps: (affordable / full.rays).min(full.steps) }
         }
-        if affordable < rays {
-            return Pace { rays: affordable, steps: 1 };
+    }
+
+    /// Rays of a refinement step that should not take much longer than `slice`.
+    pub fn idle_rays(&self, slice: Duration) -> u32 {
+        if !self.adaptive || self.ray_s == 0.0 {
+            return self.full.rays;
         }
-        Pace { rays, steps: (affordable / rays).min(steps.max(1)) }
+        ((slice.as_secs_f32() / self.ray_s) as u32)
+            .clamp(MIN_RAYS.min(self.full.rays), self.full.rays)
+    }
+
+    /// Says how many frames of live sensors wait behind the next one.
+    pub fn set_behind(&mut self, frames: u32) {
+        self.behind = frames;
     }
 
     /// Learns what a step of `rays` rays took. Under `fixed` the clock must not reach the map.
     pub fn learn(&mut self, rays: u32, took: Duration) {
         if self.adaptive && rays > 0 {
-            let cost = took.as_secs_f32() / rays as f32;
-            self.ray_s = if self.ray_s == 0.0 { cost } else { 0.8 * self.ray_s + 0.2 * cost };
+            smooth(&mut self.ray_s, took.as_secs_f32() / rays as f32);
         }
+    }
+
+    /// Learns what publishing took.
+    pub fn learn_publish(&mut self, took: Duration) {
+        if self.adaptive {
+            smooth(&mut self.publish_s, took.as_secs_f32());
+        }
+    }
+}
+
+/// The first value as it is, later ones a fifth at a time.
+fn smooth(average: &mut f32, value: f32) {
+    *average = if *average == 0.0 { value } else { 0.8 * *average + 0.2 * value };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{MapSettings, Profile, Schedule as Kind};
+
+    const MS: Duration = Duration::from_millis(1);
+
+    fn schedule(schedule: Kind, profile: Profile) -> Schedule {
+        let settings =
+            MapSettings { schedule, profile, frame_budget_ms: 20.0, ..MapSettings::default() };
+        Schedule::new(&MapConfig::from_settings(&settings).expect("valid"))
+    }
+
+    #[test]
+    fn fixed_knows_no_clock() {
+        let mut fixed = schedule(Kind::Fixed, Profile::Full);
+        let full = fixed.pace(Duration::ZERO);
+        fixed.learn(100, 1000 * MS);
+        fixed.learn_publish(1000 * MS);
+        fixed.set_behind(9);
+        assert_eq!(fixed.pace(1000 * MS), full);
+        assert_eq!(fixed.idle_rays(MS), full.rays);
+    }
+
+    #[test]
+    fn training_takes_what_allocation_and_publishing_leave() {
+        let mut adaptive = schedule(Kind::Adaptive, Profile::Lite);
+        assert_eq!(adaptive.pace(Duration::ZERO), Pace { rays: MIN_RAYS, steps: 1 });
+        assert_eq!(adaptive.pace(20 * MS), Pace { rays: 0, steps: 0 });
+        adaptive.learn(1000, 10 * MS); // 10 µs a ray
+        adaptive.learn_publish(2 * MS);
+        // 20 ms - 3 ms - 2 ms leave 15 ms.
+        let pace = adaptive.pace(3 * MS);
+        assert!(pace.steps == 1 && pace.rays.abs_diff(1500) <= 1, "{pace:?}");
+        // Two frames behind: 20 / 3 - 3 - 2 = 1.7 ms are too few rays.
+        adaptive.set_behind(2);
+        assert_eq!(adaptive.pace(3 * MS), Pace { rays: 0, steps: 0 });
+        adaptive.set_behind(0);
+        assert_eq!(adaptive.pace(30 * MS), Pace { rays: 0, steps: 0 });
+        assert!(adaptive.idle_rays(5 * MS).abs_diff(500) <= 1);
+        assert_eq!(adaptive.idle_rays(Duration::ZERO), MIN_RAYS);
+        assert_eq!(adaptive.idle_rays(1000 * MS), 2048);
+    }
+
+    #[test]
+    fn a_fast_machine_takes_the_steps_of_its_profile_and_no_more() {
+        let mut adaptive = schedule(Kind::Adaptive, Profile::Full);
+        adaptive.learn(1_000_000, MS);
+        assert_eq!(adaptive.pace(Duration::ZERO), Pace { rays: 20_480, steps: 4 });
+        adaptive.ray_s = 0.4e-6; // 20 480 rays take 8 ms
+        assert_eq!(adaptive.pace(Duration::ZERO), Pace { rays: 20_480, steps: 2 });
     }
 }

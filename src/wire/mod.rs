@@ -4,6 +4,7 @@
 //! the message spells it, and plain functions where nothing can go wrong. Messages never travel
 //! below this room.
 
+mod codec;
 mod geometry;
 mod image;
 mod ingest;
@@ -11,6 +12,7 @@ mod maps;
 mod query;
 mod status;
 
+pub use codec::Messages;
 pub use ingest::{FrameSummary, IncomingFrame, ack_to_wire, frame_to_wire};
 pub use maps::{map_list_from_wire, map_list_to_wire, map_stats_from_wire, map_stats_to_wire};
 pub use query::{PointsQuestion, points_question_to_wire, points_reply_to_wire};

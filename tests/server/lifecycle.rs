@@ -1,7 +1,7 @@
 //! The way up and the way down.
 
 use glam::Vec3;
-use orenx::config::{ServerConfig, Settings};
+use orenx::config::{Schedule, ServerConfig, Settings};
 use orenx::dataset::Dataset;
 use orenx::dataset::synthetic::Synthetic;
 use orenx::engine::{FrameSink, Queue, QueuePolicy, Reason, Verdict};
@@ -125,13 +125,25 @@ async fn a_map_survives_the_server() {
     served.unwrap();
     saved.unwrap();
 
-    let server = start(|settings| settings.storage.path = path.clone()).await;
+    let again = |settings: &mut Settings| {
+        settings.storage.path = path.clone();
+        // Describes the machine: followed. Describes the map: kept.
+        (settings.map.schedule, settings.map.memory_mib) = (Schedule::Adaptive, 300);
+        settings.map.r0_m = 0.05;
+    };
+    let server = start(again).await;
     let after = server.client.query_points(DEFAULT_MAP, &places, Fields::ALL, 3).await.unwrap();
     assert_eq!((after.epoch, after.newest_stamp_ns), (3, before.newest_stamp_ns));
     assert_eq!(after.answers.state, before.answers.state);
     assert!(after.answers.state.contains(&(State::Free as u8)));
     let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
     assert_eq!(bits(&after.answers.distance), bits(&before.answers.distance));
+    let (frames, mut acks) = open_stream(&server.channel).await;
+    frames.send(good_frame(90)).await.unwrap();
+    let ack = verdict(&mut acks).await;
+    assert_eq!((ack.status(), ack.epoch), (FrameStatus::Integrated, 4), "it goes on");
+    assert_eq!(server.client.map_stats(DEFAULT_MAP).await.unwrap().stats.frames, 4);
+    drop((frames, acks));
     let (served, saved) = server.stop().await;
     served.unwrap();
     saved.unwrap();

@@ -2,6 +2,7 @@
 
 mod frames;
 mod lifecycle;
+mod protocol;
 mod questions;
 
 use std::sync::Arc;
