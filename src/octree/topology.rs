@@ -487,7 +487,7 @@ mod tests {
         assert!(inserted < 50 && tree.refused() > 0 && tree.rows() <= 40);
         let (refused, slots) = (tree.refused(), tree.node_slots());
         tree.limit(usize::MAX, slots);
-        assert!(tree.insert([900, 0, 0], 0).is_none());
+        assert!(tree.insert([-100, 0, 0], 0).is_none());
         assert_eq!((tree.refused(), tree.node_slots()), (refused + 1, slots));
     }
 

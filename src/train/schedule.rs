@@ -127,7 +127,7 @@ mod tests {
     fn training_takes_what_allocation_and_publishing_leave() {
         let mut adaptive = schedule(Kind::Adaptive, Profile::Lite);
         assert_eq!(adaptive.pace(Duration::ZERO), Pace { rays: MIN_RAYS, steps: 1 });
-        assert_eq!(adaptive.pace(20 * MS), Pace { rays: 0, steps: 0 });
+        assert_eq!(adaptive.pace(21 * MS), Pace { rays: 0, steps: 0 });
         adaptive.learn(1000, 10 * MS); // 10 µs a ray
         adaptive.learn_publish(2 * MS);
         // 20 ms - 3 ms - 2 ms leave 15 ms.
