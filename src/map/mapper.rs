@@ -59,7 +59,11 @@ pub struct MapStats {
 /// Owns the map and its backend; used by one thread.
 pub struct Mapper {
     pub(super) config: Arc<MapConfig>,
+    /// Fuses frames: what must keep up with a camera.
     pub(super) pool: Arc<rayon::ThreadPool>,
+    /// Trains, in the time that is left. Apart, so that a lower priority for training does not hold
+    /// up fusion.
+    pub(super) trainers: Arc<rayon::ThreadPool>,
     pub(super) topology: Topology,
     pub(super) surface: Surface,
     pub(super) key_frames: KeyFrames,
@@ -85,11 +89,14 @@ impl Mapper {
     /// An empty map.
     pub fn new(config: MapConfig) -> Result<Self> {
         let lattice = Lattice::new(&config);
-        let pool = rayon::ThreadPoolBuilder::new()
-            .thread_name(|i| format!("orenx-train-{i}"))
-            .build()
-            .map_err(|e| Error::Internal(format!("cannot start trainer threads: {e}")))?;
-        let pool = Arc::new(pool);
+        let pool = |name: &'static str| {
+            rayon::ThreadPoolBuilder::new()
+                .thread_name(move |i| format!("orenx-{name}-{i}"))
+                .build()
+                .map(Arc::new)
+                .map_err(|e| Error::Internal(format!("cannot start {name} threads: {e}")))
+        };
+        let (pool, trainers) = (pool("fuse")?, pool("train")?);
         let surface = Surface::new(&config);
         let store = Store {
             unit_m: lattice.unit_m,
@@ -102,10 +109,11 @@ impl Mapper {
             store,
             key_frames: KeyFrames::new(&config),
             schedule: Schedule::new(&config),
-            backend: Box::new(CpuBackend::new(&config, pool.clone())?),
+            backend: Box::new(CpuBackend::new(&config, trainers.clone())?),
             learned: Vec::new(),
             no_prior: Vec::new(),
             pool,
+            trainers,
             config: Arc::new(config),
             idle_steps: 0,
             changed: false,
@@ -189,7 +197,7 @@ impl Mapper {
             step: self.stats.steps as u32,
             eikonal_share: self.config.eikonal_share,
         };
-        let batch = sample(&plan, &frames, &self.topology, &self.surface, &self.pool);
+        let batch = sample(&plan, &frames, &self.topology, &self.surface, &self.trainers);
         self.stage("labels", labels);
         let train = Instant::now();
         let closed = self.config.prior == Prior::Closed;
@@ -238,7 +246,8 @@ impl Mapper {
     /// nothing changes.
     pub fn set_trainer_nice(&self, nice: u8) -> Result<()> {
         #[cfg(target_os = "linux")]
-        for set in self.pool.broadcast(|_| rustix::process::setpriority_process(None, nice.into()))
+        for set in
+            self.trainers.broadcast(|_| rustix::process::setpriority_process(None, nice.into()))
         {
             set.map_err(|e| Error::Internal(format!("the priority of trainer threads: {e}")))?;
         }
