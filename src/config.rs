@@ -173,13 +173,13 @@ impl MapConfig {
             steps_per_frame: settings.steps.unwrap_or(if full { 4 } else { 1 }),
             eikonal_share: if full { 1.0 } else { 0.25 },
             hidden: if full { vec![64, 64] } else { vec![32] },
-            learning_rate: if settings.prior == Prior::Closed { 1e-3 } else { 5e-3 },
+            learning_rate: if settings.prior == Prior::Closed { 5e-4 } else { 5e-3 },
             occupancy_learning_rate: 1e-2,
             decoder_learning_rate: 1e-3,
             window: 8,
             key_frame_iou: 0.85,
             key_frame_pixels: 16_384,
-            key_frame_mib: 256,
+            key_frame_mib: (settings.memory_mib / 4).min(256),
         })
     }
 

@@ -7,8 +7,10 @@
     reason = "a test reports by panicking, and says on stderr what it skips"
 )]
 
+mod bad_files; // damaged maps, points, recordings and settings on the command line
 mod house; // the rules of the house held against its files: floors, names, sizes
 mod map_command; // what `orenx map` says to bad input
+mod mapping; // the promises of a map against closed-form scenes
 mod recordings; // real recordings through the readers
 mod server; // a server on a free port: frames, questions, bad input, the way down
 mod support; // where recorded data is, and what a test without it says

@@ -99,6 +99,10 @@ pub struct RowMoments {
     pub occupancy_steps: u32,
 }
 
+/// What a row takes on a backend, bytes: its columns, Adam's memory, a flag and a place among the
+/// changed.
+pub const ROW_BYTES: usize = size_of::<LearnedRow>() + size_of::<RowMoments>() + 1 + 4;
+
 impl RowMoments {
     /// Learned numbers of a row.
     pub const COLUMNS: usize = SDF_FEATURES + OCCUPANCY_FEATURES + 4;

@@ -12,8 +12,8 @@ use std::time::Instant;
 use anyhow::Context;
 use clap::Args;
 
-use self::progress::Progress;
-use self::report::Tally;
+pub(super) use self::progress::Progress;
+pub(super) use self::report::{Tally, processor, spread};
 use crate::config::{BackendChoice, MapConfig, MapSettings, Prior, Profile, Schedule};
 use crate::dataset::{self, Dataset, Format, FrameRange, Noise};
 use crate::error::{Error, Result};
@@ -168,7 +168,7 @@ impl MapArgs {
 ///
 /// A frame that cannot be read ends the run: a hole that nobody asked for would make a wrong map.
 /// A frame that the mapper refuses is counted. Not one valid depth pixel in all is an error.
-fn integrate(
+pub(super) fn integrate(
     mapper: &mut Mapper,
     dataset: &dyn Dataset,
     indices: &[usize],

@@ -4,6 +4,7 @@
 //! stderr, in one line.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is the part that prints")]
 
+pub mod bench;
 pub mod demo;
 pub mod eval;
 mod invocation;
@@ -38,6 +39,7 @@ enum Command {
     Query(query::QueryArgs),
     Slice(slice::SliceArgs),
     Mesh(mesh::MeshArgs),
+    Bench(bench::BenchArgs),
 }
 
 /// Parses the process's arguments and runs the subcommand. Wrong arguments end the process with
@@ -53,6 +55,7 @@ pub fn run() -> ExitCode {
         Command::Query(arguments) => arguments.run(),
         Command::Slice(arguments) => arguments.run(),
         Command::Mesh(arguments) => arguments.run(),
+        Command::Bench(arguments) => arguments.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

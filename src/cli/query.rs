@@ -122,8 +122,7 @@ fn describe(point: Vec3, answers: &PointAnswers, i: usize) -> String {
     if gradient.is_finite() {
         line += &format!("  gradient {:.3} {:.3} {:.3}", gradient.x, gradient.y, gradient.z);
     }
-    let occupancy = answers.occupancy[i];
-    if occupancy.is_finite() {
+    if let Some(occupancy) = answers.occupancy.get(i).filter(|p| p.is_finite()) {
         line += &format!("  occupancy {occupancy:.3}");
     }
     line
@@ -143,6 +142,8 @@ struct Columns {
     sdf: Spool,
     gradient: Spool,
     occupancy: Spool,
+    /// Rows with an occupancy: none where the map has no such column.
+    occupancies: usize,
     state: Spool,
 }
 
@@ -160,8 +161,14 @@ impl Columns {
             ));
         };
         let spool = || Spool::new(folder);
-        let mut columns =
-            Self { rows, sdf: spool()?, gradient: spool()?, occupancy: spool()?, state: spool()? };
+        let mut columns = Self {
+            rows,
+            sdf: spool()?,
+            gradient: spool()?,
+            occupancy: spool()?,
+            occupancies: 0,
+            state: spool()?,
+        };
         let mut left = rows;
         while left > 0 {
             let flat: Vec<f32> = reader.next_values(PIECE_POINTS.min(left) * 3)?;
@@ -179,6 +186,7 @@ impl Columns {
         let gradient: &[f32] = bytemuck::cast_slice(&answers.gradient);
         write_values(&mut self.gradient.0, gradient)?;
         write_values(&mut self.occupancy.0, &answers.occupancy)?;
+        self.occupancies += answers.occupancy.len();
         write_values(&mut self.state.0, &answers.state)
     }
 
@@ -188,7 +196,9 @@ impl Columns {
         let mut archive = ArchiveWriter::new(out);
         self.sdf.copy(archive.start("sdf", Element::F32, &[n])?)?;
         self.gradient.copy(archive.start("gradient", Element::F32, &[n, 3])?)?;
-        self.occupancy.copy(archive.start("occupancy", Element::F32, &[n])?)?;
+        if self.occupancies == n {
+            self.occupancy.copy(archive.start("occupancy", Element::F32, &[n])?)?;
+        }
         self.state.copy(archive.start("state", Element::U8, &[n])?)?;
         archive.finish().map(drop)
     }

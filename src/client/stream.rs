@@ -10,7 +10,7 @@ use tokio::time::MissedTickBehavior;
 use tokio_stream::wrappers::ReceiverStream;
 
 use super::Client;
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, Loaded, load_each};
 use crate::engine::QueuePolicy;
 use crate::error::{Error, Result};
 use crate::frame::Frame;
@@ -146,16 +146,9 @@ pub fn load_ahead(
     std::thread::Builder::new()
         .name("orenx-load".into())
         .spawn(move || {
-            for index in indices {
-                let mut frame = dataset.load(index, false);
-                if let Ok(frame) = &mut frame {
-                    prepare(frame);
-                }
-                let failed = frame.is_err();
-                if loaded.blocking_send(frame).is_err() || failed {
-                    return; // nobody listens any more
-                }
-            }
+            let prepare = |_, frame: &mut Frame| prepare(frame);
+            let deliver = |next: Loaded| loaded.blocking_send(next.frame).is_ok();
+            load_each(dataset.as_ref(), indices, prepare, deliver);
         })
         .map_err(|e| Error::Internal(format!("the loading thread did not start: {e}")))?;
     Ok(frames)

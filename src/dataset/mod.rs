@@ -4,6 +4,7 @@
 //! of the first depth image), so that a broken one fails before anything is mapped; images are
 //! decoded frame by frame.
 
+mod ahead;
 mod decode;
 mod noise;
 mod replica;
@@ -19,6 +20,7 @@ use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::geometry::Intrinsics;
 
+pub use ahead::{Loaded, load_each};
 pub use noise::Noise;
 pub use selection::FrameRange;
 

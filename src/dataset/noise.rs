@@ -2,6 +2,7 @@
 //!
 //! A pure function of (seed, frame, pixel), so that a noisy run can be repeated.
 
+use std::fmt;
 use std::str::FromStr;
 
 use crate::error::{Error, Result};
@@ -43,6 +44,18 @@ impl Noise {
         }
         let metres = std::mem::take(&mut depth.metres);
         *depth = DepthImage::from_metres(depth.width, depth.height, metres);
+    }
+}
+
+/// As it is parsed.
+impl fmt::Display for Noise {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (model, scale) = match self {
+            Self::Gaussian(scale) => ("gaussian", scale),
+            Self::Axial(scale) => ("axial", scale),
+            Self::Kinect(scale) => ("kinect", scale),
+        };
+        write!(f, "{model}:{scale}")
     }
 }
 
@@ -117,6 +130,9 @@ mod tests {
     #[test]
     fn models_are_parsed() {
         assert_eq!("axial:0.0011".parse::<Noise>().expect("a model"), Noise::Axial(0.0011));
+        for text in ["gaussian:0.05", "axial:0.0011", "kinect:2"] {
+            assert_eq!(text.parse::<Noise>().expect(text).to_string(), text);
+        }
         for text in ["axial", "gaussian:", "gaussian:-1", "gaussian:nan", "salt:1"] {
             assert!(text.parse::<Noise>().is_err(), "{text}");
         }

@@ -29,6 +29,9 @@ pub(super) fn field_errors(truth: &SdfTruth, answers: &PointAnswers) -> FieldErr
 
 /// The classification rate of the occupancy at known points; `None` for a map without occupancy.
 pub(super) fn occupancy(truth: &SdfTruth, answers: &PointAnswers) -> Option<Occupancy> {
+    if answers.occupancy.is_empty() {
+        return None;
+    }
     let known = |i: usize| is_known(answers, i) && answers.occupancy[i].is_finite();
     let right: Vec<f64> = (0..truth.points.len())
         .filter(|&i| known(i))

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use super::budget::Sizes;
 use super::view::{BRICKS, MapView, NODES, ROWS, Store};
 use crate::backend::{Backend, CpuBackend, Host, StepParameters};
 use crate::config::{MapConfig, Prior};
@@ -46,13 +47,17 @@ pub struct MapStats {
     pub rows: u64,
     pub surfels: u64,
     pub key_frames: u64,
-    /// Bytes held by the map (topology, rows, surfels, evidence, key frames, optimiser).
+    /// Bytes in use by the map (topology, rows, surfels, evidence, key frames, optimiser, the
+    /// published pages).
     pub map_bytes: u64,
-    /// Voxels that were refused because the memory budget was reached.
+    /// Voxels, bricks of evidence and surfels that were refused because the memory budget was
+    /// reached.
     pub voxels_refused: u64,
     /// Mean losses of the last training step by name.
     pub losses: Vec<(String, f32)>,
-    /// Wall time of the last frame by stage, ms: allocate, labels, train, publish.
+    /// Wall time of the last frame by stage, ms: allocate, labels, train, publish. Not stored: the
+    /// same input gives the same file.
+    #[serde(skip)]
     pub stages_ms: Vec<(String, f32)>,
 }
 
@@ -86,11 +91,17 @@ pub struct Mapper {
 }
 
 impl Mapper {
-    /// An empty map.
+    /// An empty map, trained on one thread a core.
     pub fn new(config: MapConfig) -> Result<Self> {
+        Self::with_threads(config, 0)
+    }
+
+    /// An empty map, trained on `threads` threads; 0 is one a core.
+    pub fn with_threads(config: MapConfig, threads: usize) -> Result<Self> {
         let lattice = Lattice::new(&config);
         let pool = |name: &'static str| {
             rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
                 .thread_name(move |i| format!("orenx-{name}-{i}"))
                 .build()
                 .map(Arc::new)
@@ -104,7 +115,7 @@ impl Mapper {
             ..Store::default()
         };
         Ok(Self {
-            topology: Topology::new(lattice.unit_m, lattice.brick, usize::MAX),
+            topology: Topology::new(lattice.unit_m, lattice.brick),
             surface,
             store,
             key_frames: KeyFrames::new(&config),
@@ -153,6 +164,7 @@ impl Mapper {
     /// Surfels, evidence, voxels and prior; returns what training keeps of the frame.
     fn allocate(&mut self, frame: &Frame) -> KeyFrame {
         let number = self.stats.frames as u32;
+        self.grant_room();
         let change = self.surface.integrate(frame, 0, number, &mut self.topology, &self.pool);
         self.backend.resize(self.topology.rows());
         self.backend.reset(&change.prior.voided);
@@ -162,6 +174,20 @@ impl Mapper {
             self.no_prior.resize(self.topology.rows(), [0.0; 4]);
         }
         KeyFrame::new(frame, self.config.key_frame_pixels as usize, self.config.r0_m)
+    }
+
+    /// Lets the frame take its share of what the memory budget leaves.
+    fn grant_room(&mut self) {
+        let sizes = Sizes {
+            rows: self.topology.rows(),
+            nodes: self.topology.node_slots(),
+            surfels: self.surface.surfels.slots(),
+            bricks: self.surface.evidence.bricks(),
+        };
+        let room = sizes.room(&self.config);
+        self.topology.limit(sizes.rows + room.rows, sizes.nodes + room.nodes);
+        self.surface.surfels.limit(sizes.surfels + room.surfels);
+        self.surface.evidence.limit(sizes.bricks + room.bricks);
     }
 
     fn train_on(&mut self, view: &KeyFrame, start: Instant) -> Result<u32> {
@@ -360,7 +386,9 @@ impl Mapper {
             map_bytes: self.topology.bytes()
                 + self.surface.bytes()
                 + self.key_frames.bytes()
-                + self.backend.memory_bytes(),
+                + self.backend.memory_bytes()
+                + self.store.bytes()
+                + size_of_val(&self.learned[..]) as u64,
             ..self.stats.clone()
         }
     }

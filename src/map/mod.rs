@@ -1,5 +1,6 @@
 //! The map: [`Mapper`] takes frames and publishes [`MapView`]s; a view answers questions.
 
+mod budget;
 mod mapper;
 mod mesh;
 mod pages;

@@ -26,6 +26,11 @@ impl<P: Clone + Default> PageTable<P> {
         &self.blocks[index / BLOCK][index % BLOCK]
     }
 
+    /// The number of pages.
+    pub(super) fn len(&self) -> usize {
+        self.pages
+    }
+
     /// All pages in order.
     pub(super) fn pages(&self) -> impl Iterator<Item = &P> {
         self.blocks.iter().flat_map(|block| block.iter().map(|page| &**page))

@@ -5,7 +5,8 @@ use glam::Vec3;
 use super::view::MapView;
 use crate::config::Prior;
 use crate::modality::read::{Answers, evaluate};
-use crate::surface::NEAR_M;
+use crate::octree::Found;
+use crate::surface::{Lattice, NEAR_M};
 
 /// What a query asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,7 +32,8 @@ pub enum State {
     Occupied = 2,
 }
 
-/// Answers column by column; a column that was not asked for is empty.
+/// Answers column by column; a column that was not asked for, or that the map does not have, is
+/// empty.
 ///
 /// Where the state is [`State::Unknown`] the numbers are NaN.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -51,22 +53,31 @@ impl MapView {
     /// finite are unknown.
     pub fn query(&self, points: &[Vec3], fields: Fields) -> PointAnswers {
         let n = points.len();
+        let fields =
+            Fields { occupancy: fields.occupancy && self.config.has("occupancy"), ..fields };
         let wanted = |on: bool| if on { n } else { 0 };
-        // What is known depends on the distance.
+        // What is known depends on the distance and on the voxel.
         let mut distance = vec![f32::NAN; n];
+        let mut voxels = vec![Found::NONE; n];
         let mut gradient = vec![Vec3::NAN; wanted(fields.gradient)];
         let mut occupancy = vec![f32::NAN; wanted(fields.occupancy)];
         let mut state = vec![State::Unknown as u8; wanted(fields.state)];
-        let answers =
-            Answers { distance: &mut distance, gradient: &mut gradient, occupancy: &mut occupancy };
+        let answers = Answers {
+            distance: &mut distance,
+            gradient: &mut gradient,
+            occupancy: &mut occupancy,
+            voxels: &mut voxels,
+        };
         evaluate(&self.store, &self.decoders, points, answers);
-        let near_counts = self.config.prior == Prior::Closed;
-        for (i, &point) in points.iter().enumerate() {
-            let d = distance[i];
-            if d.is_nan() {
+        let near_voxel = self.near_voxel();
+        for (i, &voxel) in voxels.iter().enumerate() {
+            if !voxel.is_some() {
                 continue;
             }
-            if (near_counts && d.abs() <= NEAR_M) || self.store.is_known(point) {
+            let d = distance[i];
+            let near =
+                d.abs() <= NEAR_M && near_voxel.is_some_and(|limit| voxel.log2_size <= limit);
+            if near || self.store.is_known(voxel.node, points[i]) {
                 if fields.state {
                     state[i] = if d < 0.0 { State::Occupied } else { State::Free } as u8;
                 }
@@ -82,5 +93,15 @@ impl MapView {
         }
         distance.truncate(wanted(fields.distance));
         PointAnswers { distance, gradient, occupancy, state }
+    }
+
+    /// log2 of the largest voxels whose small distances count as known: those that surfaces ask
+    /// for. A coarse voxel only holds small distances by interpolation. With a learned prior
+    /// every distance starts small, so that none counts.
+    fn near_voxel(&self) -> Option<u8> {
+        match self.config.prior {
+            Prior::Closed => Some(Lattice::new(&self.config).surface()),
+            Prior::Learned => None,
+        }
     }
 }

@@ -8,7 +8,7 @@ use super::pages::PageTable;
 use crate::config::MapConfig;
 use crate::geometry::Aabb;
 use crate::modality::{Decoders, RowSource};
-use crate::octree::{ChildLink, Explicit, NO_NODE, NO_ROW, NodeSource, Root, locate};
+use crate::octree::{ChildLink, Explicit, NO_NODE, NO_ROW, NodeSource, Root};
 use crate::surface::{BRICK_CELLS, Known};
 
 pub(super) const NODES: usize = 256;
@@ -116,11 +116,22 @@ impl RowSource for Store {
 }
 
 impl Store {
-    /// Whether the evidence cell around a point was crossed or hit.
+    /// What a row, a node slot and a brick take in pages, bytes.
+    pub(super) const ROW_BYTES: usize = size_of::<RowPage>() / ROWS;
+    pub(super) const NODE_BYTES: usize = size_of::<NodePage>() / NODES;
+    pub(super) const BRICK_BYTES: usize = size_of::<BrickPage>() / BRICKS;
+
+    /// Bytes of all pages.
+    pub(super) fn bytes(&self) -> u64 {
+        (self.rows.len() * size_of::<RowPage>()
+            + self.nodes.len() * size_of::<NodePage>()
+            + self.bricks.len() * size_of::<BrickPage>()) as u64
+    }
+
+    /// Whether the evidence cell around a point of a voxel was crossed or hit.
     #[inline]
-    pub(super) fn is_known(&self, point: Vec3) -> bool {
-        let Some(located) = locate(self, point) else { return false };
-        let node = located.node as usize;
+    pub(super) fn is_known(&self, node: u32, point: Vec3) -> bool {
+        let node = node as usize;
         let brick = self.nodes.page(node / NODES).brick[node % NODES];
         if brick == NO_NODE {
             return false;

@@ -25,6 +25,7 @@ pub struct Topology {
     /// Voxels of up to 2^this units carry rows at their corners.
     coarsest_log2: u8,
     max_rows: usize,
+    max_slots: usize,
     root: Option<Root>,
     children: Vec<ChildLink>,
     corners: Vec<[u32; 8]>,
@@ -42,13 +43,19 @@ pub struct Topology {
 }
 
 impl Topology {
+    /// What a row takes, bytes: vertex, position, incident nodes and the key's place in the index.
+    pub const ROW_BYTES: usize = 12 + 12 + 32 + 16;
+    /// What a node slot takes, bytes: link, corners, low corner, size.
+    pub const NODE_BYTES: usize = 4 + 32 + 12 + 1;
+
     /// An empty tree with `unit_m` metres a lattice unit, rows at the corners of voxels of up to
-    /// 2^`coarsest_log2` units, and at most `max_rows` rows.
-    pub fn new(unit_m: f32, coarsest_log2: u8, max_rows: usize) -> Self {
+    /// 2^`coarsest_log2` units, and as many rows as can be named.
+    pub fn new(unit_m: f32, coarsest_log2: u8) -> Self {
         Self {
             unit_m,
             coarsest_log2,
-            max_rows: max_rows.min(NO_ROW as usize),
+            max_rows: NO_ROW as usize,
+            max_slots: usize::MAX,
             root: None,
             children: Vec::new(),
             corners: Vec::new(),
@@ -114,6 +121,17 @@ impl Topology {
         }
         self.changed = (0..slots as u32).collect();
         Ok(self)
+    }
+
+    /// Bounds rows and node slots from now on; what there is stays.
+    pub fn limit(&mut self, rows: usize, slots: usize) {
+        self.max_rows = rows.min(NO_ROW as usize);
+        self.max_slots = slots;
+    }
+
+    /// Counts what others had no room for.
+    pub fn refuse(&mut self, count: u64) {
+        self.refused += count;
     }
 
     /// The voxel of 2^`log2` units that contains `cell`, created with its ancestors where absent.
@@ -260,7 +278,7 @@ impl Topology {
         self.voxels
     }
 
-    /// Voxels refused since the map began, because of the row budget.
+    /// What was refused since the map began, because of the memory budget or the lattice's end.
     pub fn refused(&self) -> u64 {
         self.refused
     }
@@ -272,9 +290,7 @@ impl Topology {
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        let node = 4 + 32 + 12 + 1;
-        let vertex = 12 + 12 + 32 + 16;
-        (self.children.len() * node + self.vertices.len() * vertex) as u64
+        (self.children.len() * Self::NODE_BYTES + self.vertices.len() * Self::ROW_BYTES) as u64
     }
 
     /// Grows the root until it contains `cell`. The root keeps id 0: its old content moves into a
@@ -339,11 +355,12 @@ impl Topology {
     }
 
     fn create(&mut self, parent: u32, octant: u32) -> Option<u32> {
-        if self.vertices.len() + 8 > self.max_rows {
+        let link = self.children[parent as usize];
+        let needs_block = link == 0 && self.children.len() + 8 > self.max_slots;
+        if needs_block || self.vertices.len() + 8 > self.max_rows {
             self.refused += 1;
             return None;
         }
-        let link = self.children[parent as usize];
         let block = if link == 0 { self.allocate_block() } else { link >> 8 };
         self.children[parent as usize] = block << 8 | (link & 0xff) | 1 << octant;
         let node = block * 8 + octant;
@@ -447,7 +464,7 @@ mod tests {
     use crate::octree::locate;
 
     fn tree() -> Topology {
-        Topology::new(0.1, 3, 1 << 20)
+        Topology::new(0.1, 3)
     }
 
     #[test]
@@ -464,9 +481,14 @@ mod tests {
 
     #[test]
     fn the_row_budget_refuses_and_counts() {
-        let mut tree = Topology::new(0.1, 3, 40);
+        let mut tree = tree();
+        tree.limit(40, usize::MAX);
         let inserted = (0..50).filter(|&i| tree.insert([i * 16, 0, 0], 0).is_some()).count();
         assert!(inserted < 50 && tree.refused() > 0 && tree.rows() <= 40);
+        let (refused, slots) = (tree.refused(), tree.node_slots());
+        tree.limit(usize::MAX, slots);
+        assert!(tree.insert([900, 0, 0], 0).is_none());
+        assert_eq!((tree.refused(), tree.node_slots()), (refused + 1, slots));
     }
 
     proptest! {

@@ -72,10 +72,10 @@ impl<'a, R: Read> Reader<'a, R> {
         match u32::from_le_bytes([*a, *b, *c, *d]) {
             VERSION => Ok(()),
             0 => Err(Error::corrupt(self.path.display().to_string(), "format 0 does not exist")),
-            newer => Err(Error::FailedPrecondition(format!(
-                "{}: written by a newer orenx (format {newer}; this one reads {VERSION})",
-                self.path.display()
-            ))),
+            newer => Err(Error::invalid(
+                self.path.display().to_string(),
+                format!("written by a newer orenx (format {newer}; this one reads {VERSION})"),
+            )),
         }
     }
 

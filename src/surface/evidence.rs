@@ -15,6 +15,8 @@ use crate::octree::{Cell, cell_of, pack};
 /// A brick is a cube of this many cells a side.
 pub const BRICK_CELLS: i32 = 8;
 const CELLS: usize = 512;
+/// No brick: there was no room for it.
+const NO_BRICK: u32 = u32::MAX;
 /// Log-odds are counted in observations and clamped to ± this.
 const FLIP: i8 = 8;
 
@@ -44,6 +46,8 @@ pub struct Carved {
     pub suspects: Vec<CellAddress>,
     /// Bricks whose known mask changed.
     pub changed_bricks: Vec<u32>,
+    /// Bricks that found no room.
+    pub refused: u64,
     /// Bricks that a ray touched.
     pub visited: Vec<u32>,
 }
@@ -66,6 +70,9 @@ pub struct Evidence {
     /// Epoch that last touched the brick, while it is carved.
     visited: Vec<u32>,
     index: FxHashMap<u64, u32>,
+    max_bricks: usize,
+    /// Keys of bricks that found no room in the frame in hand; may hold repeats.
+    refused: Vec<u64>,
 }
 
 /// A stored grid.
@@ -80,6 +87,9 @@ pub struct EvidenceState<'a> {
 }
 
 impl Evidence {
+    /// What a brick takes, bytes: its cells, its mask, place and mark, and its key in the index.
+    pub const BRICK_BYTES: usize = CELLS * (1 + 4 + 4 + 4) + 64 + 12 + 4 + 16;
+
     /// An empty grid with cells of `cell_m`.
     pub fn new(cell_m: f32) -> Self {
         Self {
@@ -92,6 +102,8 @@ impl Evidence {
             surfels: Vec::new(),
             visited: Vec::new(),
             index: FxHashMap::default(),
+            max_bricks: NO_BRICK as usize,
+            refused: Vec::new(),
         }
     }
 
@@ -130,6 +142,11 @@ impl Evidence {
         Ok(self)
     }
 
+    /// Bounds the bricks from now on; what there is stays.
+    pub fn limit(&mut self, bricks: usize) {
+        self.max_bricks = bricks.min(NO_BRICK as usize);
+    }
+
     /// Edge length of a cell, m.
     pub fn cell_m(&self) -> f32 {
         self.cell_m
@@ -152,7 +169,7 @@ impl Evidence {
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        (self.bricks.len() * (CELLS * 13 + 64 + 64)) as u64
+        (self.bricks.len() * Self::BRICK_BYTES) as u64
     }
 
     /// The cell that contains a point, if its brick exists.
@@ -176,11 +193,12 @@ impl Evidence {
         self.surfels[at.slot()]
     }
 
-    /// Makes `surfel` the first of the cell around `point`; returns the one that was.
-    pub fn push_surfel(&mut self, point: Vec3, surfel: u32) -> u32 {
-        let at = self.address(cell_of(point, 1.0 / self.cell_m));
-        let slot = &mut self.surfels[at.slot()];
-        std::mem::replace(slot, surfel)
+    /// Makes `surfel` the first of the cell around `point`; returns the one that was, or `None` if
+    /// there is no room for the cell.
+    pub fn push_surfel(&mut self, point: Vec3, surfel: u32) -> Option<u32> {
+        let cell = cell_of(point, 1.0 / self.cell_m);
+        let at = self.cached_address(cell, &mut (u64::MAX, NO_BRICK))?;
+        Some(std::mem::replace(&mut self.surfels[at.slot()], surfel))
     }
 
     /// Replaces the head of a cell's list.
@@ -231,11 +249,14 @@ impl Evidence {
         }
         carved.changed_bricks.sort_unstable();
         carved.changed_bricks.dedup();
+        self.refused.sort_unstable();
+        self.refused.dedup();
+        carved.refused = self.refused.drain(..).len() as u64;
         carved
     }
 
     fn hit(&mut self, cell: Cell, epoch: u32, cache: &mut (u64, u32), carved: &mut Carved) {
-        let at = self.cached_address(cell, cache);
+        let Some(at) = self.cached_address(cell, cache) else { return };
         let i = at.slot();
         if self.hit[i] == epoch {
             return;
@@ -285,7 +306,7 @@ impl Evidence {
 
     #[inline]
     fn cross_cell(&mut self, cell: Cell, epoch: u32, cache: &mut (u64, u32), carved: &mut Carved) {
-        let at = self.cached_address(cell, cache);
+        let Some(at) = self.cached_address(cell, cache) else { return };
         let i = at.slot();
         if self.crossed[i] == epoch || self.hit[i] == epoch {
             return;
@@ -324,21 +345,24 @@ impl Evidence {
     }
 
     #[inline]
-    fn cached_address(&mut self, cell: Cell, cache: &mut (u64, u32)) -> CellAddress {
+    fn cached_address(&mut self, cell: Cell, cache: &mut (u64, u32)) -> Option<CellAddress> {
         let key = pack(brick_of(cell));
         if cache.0 != key {
             *cache = (key, self.brick(cell));
         }
-        CellAddress { brick: cache.1, index: index_of(cell) }
+        (cache.1 != NO_BRICK).then(|| CellAddress { brick: cache.1, index: index_of(cell) })
     }
 
-    fn address(&mut self, cell: Cell) -> CellAddress {
-        CellAddress { brick: self.brick(cell), index: index_of(cell) }
-    }
-
+    /// The brick around a cell, created where absent; [`NO_BRICK`] if there is no room for it.
     fn brick(&mut self, cell: Cell) -> u32 {
         let brick = brick_of(cell);
         let next = self.bricks.len() as u32;
+        if self.bricks.len() >= self.max_bricks {
+            return self.index.get(&pack(brick)).copied().unwrap_or_else(|| {
+                self.refused.push(pack(brick));
+                NO_BRICK
+            });
+        }
         let id = *self.index.entry(pack(brick)).or_insert(next);
         if id == next {
             self.bricks.push(brick);

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use rayon::prelude::*;
 
 use super::evidence::{BRICK_CELLS, Carved, CellAddress, Evidence, EvidenceState};
+use super::noise::DepthNoise;
 use super::observe::observe;
 use super::prior::{PriorChange, PriorField, PriorState};
 use super::sight::Sight;
@@ -48,6 +49,11 @@ impl Lattice {
         let free = nearest(FREE_LEAF_M).max(r0);
         let brick = (cell + BRICK_CELLS.ilog2() as u8).max(free).max(r0);
         Self { unit_m, r0, free, cell, brick }
+    }
+
+    /// The voxels that stand around surfaces: level 0, or 0.1 m where that is larger.
+    pub fn surface(&self) -> u8 {
+        self.r0.max(self.cell)
     }
 
     /// An edge length, m.
@@ -141,25 +147,27 @@ impl Surface {
         topology: &mut Topology,
         pool: &rayon::ThreadPool,
     ) -> SurfaceChange {
+        let noise = DepthNoise::estimate(&frame.depth);
         let Self { surfels, evidence, surfel_stride, carve_stride, .. } = self;
         let ((observations, touched), carved) = pool.join(
             || {
-                let observations = observe(frame, *surfel_stride, pool);
+                let observations = observe(frame, &noise, *surfel_stride, pool);
                 let touched = surfels.fuse(&observations, source, epoch);
                 (observations.len(), touched)
             },
             || evidence.carve(frame, *carve_stride, epoch),
         );
         tracing::trace!(observations, touched = touched.len(), "fused");
-        self.index_new(&touched);
-        let gone = self.seen_through(frame, &carved.suspects, epoch);
+        let touched = self.index_new(touched);
+        topology.refuse(carved.refused + self.surfels.take_refused());
+        let gone = self.seen_through(frame, &noise, &carved.suspects, epoch);
         self.allocate(&touched, &carved, topology);
         self.prior.grow(topology, &self.surfels);
         self.prior.removed(&gone, topology, &self.surfels);
         self.surfels.release(&gone);
         self.seed(&touched, topology);
         self.reopen(&carved.opened, topology);
-        self.see_free(frame, &carved.visited, epoch, topology, pool);
+        self.see_free(frame, &noise, &carved.visited, epoch, topology, pool);
         let mut change = SurfaceChange {
             changed_bricks: carved.changed_bricks,
             surfels_removed: gone.len(),
@@ -176,18 +184,22 @@ impl Surface {
         pool: &rayon::ThreadPool,
         change: &mut PriorChange,
     ) {
-        // A leaf can be split at most down to the unit, once a round.
-        for _ in 0..=self.lattice.brick {
+        // A leaf can be split at most down to the unit, once a round; the last round only settles.
+        for round in 0..=self.lattice.brick {
             self.prior.settle(topology, &self.surfels);
             let now = self.prior.evaluate(topology, &self.surfels, &self.evidence, pool);
             let splits = split::find(self, topology, &now.rows, self.split_error_m, pool);
             change.rows.extend(now.rows);
             change.voided.extend(now.voided);
-            if splits.is_empty() {
+            if splits.is_empty() || round == self.lattice.brick {
                 break;
             }
+            let rows = topology.rows();
             for node in splits {
                 topology.split(node);
+            }
+            if topology.rows() == rows {
+                break;
             }
             self.prior.grow(topology, &self.surfels);
         }
@@ -197,19 +209,40 @@ impl Surface {
         change.voided.dedup();
     }
 
-    fn index_new(&mut self, touched: &[(u32, Touch)]) {
-        for &(id, touch) in touched {
-            if touch == Touch::New {
-                let next = self.evidence.push_surfel(self.surfels.get(id).position, id);
-                self.surfels.set_next_in_cell(id, next);
+    /// Links new surfels to their evidence cells. One whose cell finds no room could never be seen
+    /// to be gone, and is not kept. Returns the touched surfels less those.
+    fn index_new(&mut self, mut touched: Vec<(u32, Touch)>) -> Vec<(u32, Touch)> {
+        let mut homeless = Vec::new();
+        touched.retain(|&(id, touch)| {
+            if touch != Touch::New {
+                return true;
             }
-        }
+            match self.evidence.push_surfel(self.surfels.get(id).position, id) {
+                Some(next) => {
+                    self.surfels.set_next_in_cell(id, next);
+                    true
+                }
+                None => {
+                    self.surfels.remove(id);
+                    homeless.push(id);
+                    false
+                }
+            }
+        });
+        self.surfels.release(&homeless);
+        touched
     }
 
     /// Votes on the surfels of cells that rays crossed; removes and returns those that
     /// [`GONE_AFTER`] frames saw through.
-    fn seen_through(&mut self, frame: &Frame, suspects: &[CellAddress], epoch: u32) -> Vec<u32> {
-        let sight = Sight::new(frame);
+    fn seen_through(
+        &mut self,
+        frame: &Frame,
+        noise: &DepthNoise,
+        suspects: &[CellAddress],
+        epoch: u32,
+    ) -> Vec<u32> {
+        let sight = Sight::new(frame, noise);
         let margin = 1.5 * self.surfels.size_m();
         let mut gone = Vec::new();
         for &at in suspects {
@@ -285,6 +318,9 @@ impl Surface {
     fn seed(&mut self, touched: &[(u32, Touch)], topology: &Topology) {
         let inverse = 1.0 / self.lattice.unit_m;
         for &(id, touch) in touched {
+            if !self.surfels.get(id).alive() {
+                continue; // it moved, and the same frame saw through it once too often
+            }
             if touch == Touch::Moved {
                 self.prior.moved(id, topology, &self.surfels);
             }
@@ -302,12 +338,13 @@ impl Surface {
     fn see_free(
         &mut self,
         frame: &Frame,
+        noise: &DepthNoise,
         bricks: &[u32],
         epoch: u32,
         topology: &Topology,
         pool: &rayon::ThreadPool,
     ) {
-        let sight = Sight::new(frame);
+        let sight = Sight::new(frame, noise);
         let (l, this) = (self.lattice, &*self);
         let in_brick = |&brick: &u32| -> Vec<u32> {
             let cell = this.evidence.brick_cell(brick).map(|c| c << l.cell);

@@ -4,6 +4,7 @@
 mod evidence;
 mod fusion;
 mod label;
+mod noise;
 mod observe;
 mod prior;
 mod sight;
@@ -12,6 +13,5 @@ mod surfel;
 
 pub use evidence::{BRICK_CELLS, Carved, CellAddress, Evidence, EvidenceState, Known};
 pub use fusion::{Lattice, NEAR_M, Surface, SurfaceChange, SurfaceState};
-pub use observe::{Observation, observe};
 pub use prior::{PriorChange, PriorField, PriorState};
 pub use surfel::{Link, NO_SURFEL, Surfel, SurfelMap, SurfelState, Touch};

@@ -67,6 +67,9 @@ pub struct PriorChange {
 const VOID_M: f32 = 0.005;
 
 impl PriorField {
+    /// What a row takes, bytes: nearest surfel, reach, value, epoch seen free, list links, two flags.
+    pub const ROW_BYTES: usize = 4 + 4 + 16 + 4 + 8 + 2;
+
     /// An empty field with distances up to `max_distance_m`.
     pub fn new(max_distance_m: f32) -> Self {
         Self {
@@ -107,7 +110,7 @@ impl PriorField {
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        (self.nearest.len() * (4 + 4 + 16 + 4 + 8 + 2) + self.heads.len() * 4) as u64
+        (self.nearest.len() * Self::ROW_BYTES + self.heads.len() * 4) as u64
     }
 
     /// Takes in rows that the topology added; each pulls from its neighbours.

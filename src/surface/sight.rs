@@ -2,20 +2,27 @@
 
 use glam::{Mat3, Vec3};
 
+use super::noise::DepthNoise;
 use crate::frame::Frame;
 
 /// A frame as a judge of places.
 pub(super) struct Sight<'a> {
     frame: &'a Frame,
+    noise: &'a DepthNoise,
     camera_from_world: Mat3,
     offset: Vec3,
 }
 
 impl<'a> Sight<'a> {
     /// The sight of a frame.
-    pub(super) fn new(frame: &'a Frame) -> Self {
+    pub(super) fn new(frame: &'a Frame, noise: &'a DepthNoise) -> Self {
         let inverse = frame.world_from_camera.inverse();
-        Self { frame, camera_from_world: inverse.rotation_f32(), offset: inverse.position_f32() }
+        Self {
+            frame,
+            noise,
+            camera_from_world: inverse.rotation_f32(),
+            offset: inverse.position_f32(),
+        }
     }
 
     /// Whether the frame sees through a place (world metres): all returns around its pixel lie
@@ -30,7 +37,7 @@ impl<'a> Sight<'a> {
         if !(u >= 1.0 && v >= 1.0 && u <= width - 2.0 && v <= height - 2.0) {
             return None;
         }
-        let margin = margin.max(0.02 * point.z);
+        let margin = margin.max(0.01 * point.z) + 3.0 * self.noise.sigma_m(point.z);
         let mut nearest = f32::INFINITY;
         for (du, dv) in [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)] {
             let z = self.frame.depth.at((u as i32 + du) as u32, (v as i32 + dv) as u32);

@@ -102,6 +102,9 @@ pub struct SurfelMap {
     surfels: Vec<Surfel>,
     links: Vec<Link>,
     free: Vec<u32>,
+    max_slots: usize,
+    /// Surfels that found no room since [`SurfelMap::take_refused`].
+    refused: u64,
     alive: usize,
     by_key: FxHashMap<u64, u32>,
     scratch: Scratch,
@@ -125,6 +128,9 @@ struct Sum {
 }
 
 impl SurfelMap {
+    /// What a surfel takes, bytes, its place in the index and in the prior's lists included.
+    pub const SURFEL_BYTES: usize = size_of::<Surfel>() + size_of::<Link>() + 16 + 4;
+
     /// An empty map with cells of `size_m`.
     pub fn new(size_m: f32) -> Self {
         Self {
@@ -132,6 +138,8 @@ impl SurfelMap {
             surfels: Vec::new(),
             links: Vec::new(),
             free: Vec::new(),
+            max_slots: NO_SURFEL as usize,
+            refused: 0,
             alive: 0,
             by_key: FxHashMap::default(),
             scratch: Scratch::default(),
@@ -217,6 +225,16 @@ impl SurfelMap {
         self.surfels.len()
     }
 
+    /// Bounds the slots from now on; what there is stays.
+    pub fn limit(&mut self, slots: usize) {
+        self.max_slots = slots.min(NO_SURFEL as usize);
+    }
+
+    /// Surfels that found no room since the last call.
+    pub fn take_refused(&mut self) -> u64 {
+        std::mem::take(&mut self.refused)
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         (self.surfels.len() * (size_of::<Surfel>() + size_of::<Link>()) + self.alive * 16) as u64
@@ -287,7 +305,7 @@ impl SurfelMap {
         if self.by_key.contains_key(&own) {
             return own;
         }
-        let gate = 0.5 * self.size_m + depth_noise_m(o.depth);
+        let gate = 0.5 * self.size_m + 3.0 * o.sigma_m;
         for side in [-1.0, 1.0] {
             let beside = key(o.point + o.normal * (side * self.size_m), inverse, axis);
             if let Some(&id) = self.by_key.get(&beside) {
@@ -327,6 +345,10 @@ impl SurfelMap {
             (surfel.told_position, surfel.told_normal) = (surfel.position, surfel.normal);
             return Some((id, Touch::Moved));
         }
+        if self.free.is_empty() && self.surfels.len() >= self.max_slots {
+            self.refused += 1;
+            return None;
+        }
         let surfel = Surfel {
             position: point,
             normal,
@@ -355,13 +377,6 @@ impl SurfelMap {
         self.alive += 1;
         Some((id, Touch::New))
     }
-}
-
-/// Three standard deviations of a structured-light camera's axial noise at a depth, m (Nguyen et
-/// al. 2012: 1.2 mm + 1.9 mm/m² (z − 0.4 m)²).
-fn depth_noise_m(depth: f32) -> f32 {
-    let z = depth - 0.4;
-    3.0 * (0.0012 + 0.0019 * z * z)
 }
 
 /// 0..6: the axis of the largest component, with its sign.
@@ -395,7 +410,7 @@ mod tests {
     use super::*;
 
     fn observation(point: Vec3, normal: Vec3) -> Observation {
-        Observation { point, normal, weight: 1.0, depth: 1.0 }
+        Observation { point, normal, weight: 1.0, sigma_m: 0.001 }
     }
 
     #[test]

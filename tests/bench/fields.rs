@@ -200,6 +200,7 @@ fn evaluations(criterion: &mut Criterion) {
                     distance: &mut distance,
                     gradient: &mut gradient,
                     occupancy: &mut occupancy,
+                    ..Answers::default()
                 };
                 evaluate(&tree, &decoders, &points, answers);
             });

@@ -26,7 +26,7 @@ use self::chunk::{CHUNK, Inputs, Output, Workspace};
 use self::plan::Plan;
 use self::rows::Rows;
 use super::{
-    Backend, BackendState, Batch, DecoderState, Host, LearnedRow, Losses, MAX_SAMPLES, RowMoments,
+    Backend, BackendState, Batch, DecoderState, Host, LearnedRow, Losses, MAX_SAMPLES, ROW_BYTES,
     StepParameters, StepReport,
 };
 use crate::config::MapConfig;
@@ -299,7 +299,6 @@ impl<N: NodeSource + Sync> Backend<N> for CpuBackend {
     }
 
     fn memory_bytes(&self) -> u64 {
-        let row = size_of::<LearnedRow>() + size_of::<RowMoments>();
-        (self.rows.learned.capacity() * row) as u64
+        (self.rows.len() * ROW_BYTES) as u64
     }
 }

@@ -2,20 +2,13 @@
 
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::{Builder, Scope};
-use std::time::Instant;
 
-use crate::dataset::{Dataset, Noise};
+use crate::dataset::{Dataset, Loaded, Noise, load_each};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 
 /// Decoded frames that wait, at most: enough to smooth out a slow frame, little memory.
 const AHEAD: usize = 3;
-
-/// A frame, or why there is none, and how long that took.
-pub(super) struct Decoded {
-    pub(super) frame: Result<Frame>,
-    pub(super) decode_ms: f32,
-}
 
 /// Decodes `indices` in order; ends after the first failure, or when the receiver is dropped.
 /// Noise comes with its seed and differs from frame to frame.
@@ -24,22 +17,16 @@ pub(super) fn decode<'scope>(
     dataset: &'scope dyn Dataset,
     indices: &'scope [usize],
     noise: Option<(Noise, u32)>,
-) -> Result<Receiver<Decoded>> {
+) -> Result<Receiver<Loaded>> {
     let (sender, receiver) = sync_channel(AHEAD);
     let work = move || {
-        for &index in indices {
-            let start = Instant::now();
-            // No modality that exists reads colour.
-            let mut frame = dataset.load(index, false);
-            if let (Ok(frame), Some((noise, seed))) = (&mut frame, noise) {
+        let prepare = |index: usize, frame: &mut Frame| {
+            if let Some((noise, seed)) = noise {
                 noise.apply(&mut frame.depth, seed, index as u32);
             }
-            let failed = frame.is_err();
-            let decode_ms = start.elapsed().as_secs_f32() * 1e3;
-            if sender.send(Decoded { frame, decode_ms }).is_err() || failed {
-                return;
-            }
-        }
+        };
+        let indices = indices.iter().copied();
+        load_each(dataset, indices, prepare, |loaded| sender.send(loaded).is_ok());
     };
     Builder::new()
         .name("orenx-decode".into())

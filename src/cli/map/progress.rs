@@ -9,15 +9,17 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::map::Mapper;
 
 /// Progress over a known number of frames.
-pub(super) struct Progress {
+pub(in crate::cli) struct Progress {
     bar: Option<ProgressBar>,
+    /// Whether there are lines where there is no bar.
+    lines: bool,
     start: Instant,
     done: usize,
     total: usize,
 }
 
 impl Progress {
-    pub(super) fn new(total: usize) -> Self {
+    pub(in crate::cli) fn new(total: usize) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = ProgressBar::new(total as u64);
             let style =
@@ -25,15 +27,20 @@ impl Progress {
             // The template is fixed; should it ever be wrong, the plain bar does.
             bar.with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
         });
-        Self { bar, start: Instant::now(), done: 0, total }
+        Self { bar, lines: true, start: Instant::now(), done: 0, total }
+    }
+
+    /// A bar on a terminal, nothing elsewhere: for commands whose lines are their results.
+    pub(in crate::cli) fn on_terminals_only(total: usize) -> Self {
+        Self { lines: false, ..Self::new(total) }
     }
 
     /// One frame is done.
-    pub(super) fn step(&mut self, mapper: &Mapper) {
+    pub(in crate::cli) fn step(&mut self, mapper: &Mapper) {
         let tenth = |done: usize| done * 10 / self.total;
         let crossed = tenth(self.done + 1) > tenth(self.done);
         self.done += 1;
-        if self.bar.is_none() && !crossed {
+        if self.bar.is_none() && !(crossed && self.lines) {
             return;
         }
         let stats = mapper.stats();
@@ -53,7 +60,7 @@ impl Progress {
     }
 
     /// Clears the bar.
-    pub(super) fn finish(&self) {
+    pub(in crate::cli) fn finish(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }

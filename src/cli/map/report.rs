@@ -16,18 +16,18 @@ const STAGES: [&str; 5] = ["decode", "allocate", "labels", "train", "publish"];
 
 /// What is counted while mapping.
 #[derive(Debug)]
-pub(super) struct Tally {
+pub(in crate::cli) struct Tally {
     /// Frames that the map took, the empty ones among them.
-    pub(super) frames: u64,
+    pub(in crate::cli) frames: u64,
     /// Frames without a valid depth pixel.
     pub(super) frames_empty: u64,
     /// Wall time from the start of the command to the last frame's epoch.
-    pub(super) seconds: f64,
+    pub(in crate::cli) seconds: f64,
     /// Frames that the recording lists but cannot give.
     skipped: Vec<(&'static str, u64)>,
     rejected: BTreeMap<String, u64>,
     /// Wall times by stage, ms, one a frame.
-    stages_ms: BTreeMap<String, Vec<f32>>,
+    pub(in crate::cli) stages_ms: BTreeMap<String, Vec<f32>>,
 }
 
 impl Tally {
@@ -63,8 +63,14 @@ impl Tally {
         self.rejected.values().sum()
     }
 
-    pub(super) fn frames_per_second(&self) -> f64 {
+    pub(in crate::cli) fn frames_per_second(&self) -> f64 {
         self.frames as f64 / self.seconds.max(1e-9)
+    }
+
+    /// Time spent in the mapper alone, s.
+    pub(in crate::cli) fn mapping_seconds(&self) -> f64 {
+        let stages = self.stages_ms.iter().filter(|(stage, _)| *stage != "decode");
+        stages.flat_map(|(_, ms)| ms).map(|&ms| f64::from(ms) * 1e-3).sum()
     }
 }
 
@@ -100,9 +106,9 @@ pub(super) struct Report {
 }
 
 #[derive(Debug, Default, PartialEq, Serialize)]
-struct Spread {
-    median: f32,
-    p95: f32,
+pub(in crate::cli) struct Spread {
+    pub(in crate::cli) median: f32,
+    pub(in crate::cli) p95: f32,
 }
 
 /// The numbers of a run.
@@ -146,7 +152,7 @@ pub(super) fn write(path: &Path, report: &Report) -> Result<()> {
 }
 
 /// Median and 95th percentile by nearest rank; zeros for a stage that never ran.
-fn spread(values: &[f32]) -> Spread {
+pub(in crate::cli) fn spread(values: &[f32]) -> Spread {
     let mut sorted = values.to_vec();
     sorted.sort_unstable_by(f32::total_cmp);
     let rank = |share: f64| ((share * sorted.len() as f64).ceil() as usize).saturating_sub(1);
@@ -155,7 +161,7 @@ fn spread(values: &[f32]) -> Spread {
 }
 
 /// The processor's name and the threads that it lends us.
-fn processor() -> String {
+pub(in crate::cli) fn processor() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = info.lines().find_map(|line| {
         line.strip_prefix("model name").map(|rest| rest.trim_start_matches([' ', '\t', ':']))

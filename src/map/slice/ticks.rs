@@ -4,9 +4,11 @@
 pub(super) fn round_down(value: f32) -> f32 {
     // Half a percent of slack takes 0.99999 for 1.
     let value = value * 1.005;
-    let power = 10f32.powf(value.log10().floor());
-    let lead = value / power;
-    power * [5.0, 2.0].into_iter().find(|&step| lead >= step).unwrap_or(1.0)
+    let exponent = value.log10().floor() as i32;
+    // Whole powers are exact and division is correctly rounded, so that 0.05 is 0.05 everywhere.
+    let power = 10f32.powi(exponent.abs());
+    let step = |lead: f32| if exponent < 0 { lead / power } else { lead * power };
+    [5.0, 2.0].map(step).into_iter().find(|&step| value >= step).unwrap_or(step(1.0))
 }
 
 /// Multiples of a round step within [low, high], about `count` of them.
@@ -35,8 +37,7 @@ mod tests {
         for (value, expected) in
             [(1.0, 1.0), (0.99999, 1.0), (3.7, 2.0), (0.07, 0.05), (60.0, 50.0)]
         {
-            let found = round_down(value);
-            assert!((found / expected - 1.0).abs() < 1e-5, "{value}: {found}");
+            assert_eq!(round_down(value), expected, "{value}");
         }
         assert_eq!(
             ticks(-2.1, 4.1, 7.0),

@@ -26,6 +26,8 @@ pub struct Answers<'a> {
     pub gradient: &'a mut [Vec3],
     /// Probability that the point is occupied.
     pub occupancy: &'a mut [f32],
+    /// The voxel that the answer comes from.
+    pub voxels: &'a mut [Found],
 }
 
 /// Evaluates the fields at `points` (world metres).
@@ -46,10 +48,11 @@ pub(crate) fn evaluate_with<S: NodeSource + RowSource>(
     points: &[Vec3],
     answers: Answers<'_>,
 ) {
-    let Answers { distance, gradient, occupancy } = answers;
+    let Answers { distance, gradient, occupancy, voxels } = answers;
     distance.fill(f32::NAN);
     gradient.fill(Vec3::NAN);
     occupancy.fill(f32::NAN);
+    voxels.fill(Found::NONE);
     let Some(lookup) = Lookup::new(source) else { return };
     let mut reader = Reader {
         set,
@@ -76,6 +79,9 @@ pub(crate) fn evaluate_with<S: NodeSource + RowSource>(
             if reader.want_occupancy {
                 occupancy[point] = tile.occupancies[slot];
             }
+            if !voxels.is_empty() {
+                voxels[point] = tile.voxels[slot];
+            }
         }
     }
 }
@@ -95,6 +101,7 @@ struct Reader<'a, S> {
 struct Tile {
     /// The points that lie in a voxel with rows, as indices into the tile's points.
     found: Vec<u8>,
+    voxels: Vec<Found>,
     rows: Vec<[u32; 8]>,
     places: Vec<Place>,
     /// d_ga, then f.
@@ -148,6 +155,7 @@ impl Tile {
     fn new(points: usize) -> Self {
         Self {
             found: Vec::with_capacity(points),
+            voxels: Vec::with_capacity(points),
             rows: Vec::with_capacity(points),
             places: Vec::with_capacity(points),
             distances: Vec::with_capacity(points),
@@ -192,12 +200,14 @@ impl<S: NodeSource + RowSource> Reader<'_, S> {
         self.lookup.find_many(points, cells);
         let tile = &mut self.tile;
         tile.found.clear();
+        tile.voxels.clear();
         tile.rows.clear();
         tile.places.clear();
         for (i, (cell, point)) in cells.iter().zip(points).enumerate() {
             if cell.is_some() {
                 let voxel = self.lookup.located(*cell, *point);
                 tile.found.push(i as u8);
+                tile.voxels.push(*cell);
                 tile.rows.push(*self.source.corners(cell.node));
                 tile.places.push(Place {
                     offset_m: (*point - voxel.min_m).to_array(),

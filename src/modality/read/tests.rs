@@ -43,8 +43,12 @@ type Columns = (Vec<f32>, Vec<Vec3>, Vec<f32>);
 fn read(set: InstructionSet, tree: &Tree, decoders: &Decoders, points: &[Vec3]) -> Columns {
     let n = points.len();
     let mut columns = (vec![0.0; n], vec![Vec3::ZERO; n], vec![0.0; n]);
-    let answers =
-        Answers { distance: &mut columns.0, gradient: &mut columns.1, occupancy: &mut columns.2 };
+    let answers = Answers {
+        distance: &mut columns.0,
+        gradient: &mut columns.1,
+        occupancy: &mut columns.2,
+        ..Answers::default()
+    };
     evaluate_with(set, tree, decoders, points, answers);
     columns
 }

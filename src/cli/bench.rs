@@ -1,0 +1,197 @@
+//! `orenx bench`: what this build reaches on this machine, beside what it is meant to reach.
+//!
+//! Errors do not depend on the machine. Times do: a ratio is measured within one run, its cases in
+//! turn and paired, so that both meet the same machine; any other speed is printed with the
+//! machine and its load.
+
+mod ablation;
+mod clock;
+mod corridor;
+mod figure;
+mod geometry;
+mod mapping;
+mod printer;
+mod query;
+mod recording;
+
+use std::io::{Write, stdout};
+
+use clap::{Args, Subcommand};
+
+use self::printer::Printer;
+
+/// Measure this build: errors and speed, each beside its target; without a name, list what there is
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    #[command(subcommand)]
+    bench: Option<Bench>,
+    /// One JSON object a figure, in SI units
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Bench {
+    Geometry(geometry::GeometryArgs),
+    Map(mapping::MappingArgs),
+    Corridor(corridor::CorridorArgs),
+    Query(query::QueryBenchArgs),
+    Ablation(ablation::AblationArgs),
+}
+
+impl BenchArgs {
+    pub fn run(self) -> anyhow::Result<()> {
+        let mut stdout = stdout().lock();
+        let Some(bench) = self.bench else { return list(&mut stdout, self.json) };
+        bench.run(&mut Printer::new(&mut stdout, bench.name(), self.json))
+    }
+}
+
+impl Bench {
+    fn name(&self) -> &'static str {
+        match self {
+            Self::Geometry(_) => "geometry",
+            Self::Map(_) => "map",
+            Self::Corridor(_) => "corridor",
+            Self::Query(_) => "query",
+            Self::Ablation(_) => "ablation",
+        }
+    }
+
+    fn run(&self, out: &mut Printer) -> anyhow::Result<()> {
+        match self {
+            Self::Geometry(arguments) => arguments.run(out),
+            Self::Map(arguments) => arguments.run(out),
+            Self::Corridor(arguments) => arguments.run(out),
+            Self::Query(arguments) => arguments.run(out),
+            Self::Ablation(arguments) => arguments.run(out),
+        }
+    }
+}
+
+/// The benches by name, as the command line knows them.
+fn list(out: &mut dyn Write, json: bool) -> anyhow::Result<()> {
+    let command = Bench::augment_subcommands(clap::Command::new("bench"));
+    for bench in command.get_subcommands() {
+        let (name, about) = (bench.get_name(), bench.get_about().cloned().unwrap_or_default());
+        if json {
+            let line = serde_json::json!({ "bench": name, "about": about.to_string() });
+            writeln!(out, "{line}")?;
+        } else {
+            writeln!(out, "{name:<10} {about}")?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Line {
+        #[command(flatten)]
+        bench: BenchArgs,
+    }
+
+    fn parse(line: &str) -> Result<BenchArgs, clap::Error> {
+        Ok(Line::try_parse_from(line.split_whitespace())?.bench)
+    }
+
+    /// Runs a line of arguments; the objects that it prints.
+    fn objects(line: &str) -> Vec<serde_json::Value> {
+        let arguments = parse(line).expect(line);
+        let bench = arguments.bench.expect("a name");
+        let mut text = Vec::new();
+        bench.run(&mut Printer::new(&mut text, bench.name(), true)).expect(line);
+        let text = String::from_utf8(text).expect("text");
+        text.lines().map(|line| serde_json::from_str(line).expect(line)).collect()
+    }
+
+    /// The values of one measure, one a case.
+    fn values(objects: &[serde_json::Value], measure: &str) -> Vec<f64> {
+        let of = |o: &serde_json::Value| o["measure"] == measure;
+        objects.iter().filter(|o| of(o)).filter_map(|o| o["value"].as_f64()).collect()
+    }
+
+    fn have_the_shape(objects: &[serde_json::Value], bench: &str) {
+        assert!(!objects.is_empty());
+        for object in objects {
+            assert_eq!(object["bench"], bench);
+            for key in ["case", "measure", "unit", "machine"] {
+                assert!(object[key].is_string(), "{key} of {object}");
+            }
+            assert!(object["value"].is_number(), "{object}");
+            assert_eq!(object.get("target").is_some(), object.get("met").is_some(), "{object}");
+        }
+    }
+
+    #[test]
+    fn arguments_are_parsed_or_refused() {
+        let geometry = parse("bench geometry --profile full --profile lite --r0 0.05 --json");
+        let geometry = geometry.expect("good");
+        assert!(geometry.json && matches!(geometry.bench, Some(Bench::Geometry(_))));
+        assert!(parse("bench --json query").expect("json may come first").json);
+        assert!(parse("bench").expect("no name lists them").bench.is_none());
+        for line in ["bench attic", "bench geometry --r0 x", "bench corridor --times 1"] {
+            assert!(parse(line).is_err(), "{line}");
+        }
+    }
+
+    #[test]
+    fn without_a_name_they_are_listed() {
+        let mut text = Vec::new();
+        list(&mut text, false).expect("listed");
+        let text = String::from_utf8(text).expect("text");
+        let names: Vec<&str> = text.lines().filter_map(|l| l.split_whitespace().next()).collect();
+        assert_eq!(names, ["geometry", "map", "corridor", "query", "ablation"]);
+        assert!(text.lines().all(|line| line.len() > 30), "each with what it measures: {text}");
+    }
+
+    #[test]
+    fn a_small_corridor_grows_and_gives_ratios() {
+        let objects = objects("bench corridor --times 2 --width 48 --rounds 1");
+        have_the_shape(&objects, "corridor");
+        let [rows] = values(&objects, "map_size_ratio")[..] else { panic!("{objects:?}") };
+        assert!(rows >= 2.0, "{rows}");
+        assert_eq!(values(&objects, "frame_time_ratio").len(), 1);
+        assert_eq!(values(&objects, "allocate_time_ratio").len(), 1);
+    }
+
+    #[test]
+    fn a_small_query_gives_speeds_and_ratios() {
+        let objects =
+            objects("bench query --frames 2 --width 32 --steps 0 --rounds 1 --batch 100,200");
+        have_the_shape(&objects, "query");
+        // Profiles × threads × batches.
+        assert_eq!(values(&objects, "points_per_second").len(), 8);
+        assert_eq!(values(&objects, "points_per_processor_second").len(), 8);
+        assert_eq!(values(&objects, "lite_against_full").len(), 2);
+    }
+
+    #[test]
+    fn a_small_room_is_mapped_and_timed_by_stage() {
+        let data = "synthetic:room:frames=3,width=32";
+        let objects =
+            objects(&format!("bench map --data {data} --room-frames 2 --width 32 --repeat 1"));
+        have_the_shape(&objects, "map");
+        assert_eq!(values(&objects, "frames_per_second").len(), 2);
+        for stage in ["decode", "allocate", "publish"] {
+            assert_eq!(values(&objects, &format!("{stage}_median")).len(), 2, "{stage}");
+        }
+        let judged: Vec<_> = objects.iter().filter(|o| o.get("met").is_some()).collect();
+        assert_eq!(judged.len(), 1, "only the recording has a target: {judged:?}");
+    }
+
+    #[test]
+    fn a_folder_that_is_missing_is_named() {
+        for line in ["bench geometry --data nowhere", "bench ablation --data nowhere"] {
+            let bench = parse(line).expect(line).bench.expect("a name");
+            let mut text = Vec::new();
+            let error = bench.run(&mut Printer::new(&mut text, bench.name(), true));
+            assert!(error.expect_err(line).to_string().contains("nowhere"), "{line}");
+        }
+    }
+}

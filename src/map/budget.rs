@@ -1,0 +1,80 @@
+//! What the memory bound leaves for the next frame.
+//!
+//! A map takes, in bytes,
+//!
+//! ```text
+//! rows · ROW + node slots · NODE + surfels · SURFEL + bricks · BRICK + key frames
+//! ```
+//!
+//! and stays below `memory_mib`. Every column counts: the host's, the backend's and the published
+//! pages'. Those that lie in one piece count twice, since their pieces double when they grow.
+
+use crate::backend;
+use crate::config::MapConfig;
+use crate::octree::{Explicit, Topology};
+use crate::surface::{Evidence, PriorField, SurfelMap};
+
+use super::view::Store;
+
+const DOUBLING: usize = 2;
+
+/// A vertex row: octree, prior, learned columns with Adam's memory, what was published of them, and
+/// the pages.
+const ROW: usize = DOUBLING
+    * (Topology::ROW_BYTES + PriorField::ROW_BYTES + backend::ROW_BYTES + size_of::<Explicit>())
+    + Store::ROW_BYTES;
+const NODE: usize = DOUBLING * Topology::NODE_BYTES + Store::NODE_BYTES;
+const SURFEL: usize = DOUBLING * SurfelMap::SURFEL_BYTES;
+const BRICK: usize = DOUBLING * Evidence::BRICK_BYTES + Store::BRICK_BYTES;
+
+/// How many there are, or how many more there may be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Sizes {
+    pub(super) rows: usize,
+    pub(super) nodes: usize,
+    pub(super) surfels: usize,
+    pub(super) bricks: usize,
+}
+
+impl Sizes {
+    /// Bytes of a map of this size, without its key frames.
+    pub(super) fn bytes(&self) -> usize {
+        self.rows * ROW + self.nodes * NODE + self.surfels * SURFEL + self.bricks * BRICK
+    }
+
+    /// How much one more frame may add to a map of this size. The shares of what is left sum to
+    /// one, so that no frame can pass the bound, whatever it holds.
+    pub(super) fn room(&self, config: &MapConfig) -> Self {
+        let mib = config.memory_mib.saturating_sub(config.key_frame_mib);
+        let left = ((mib as usize) << 20).saturating_sub(self.bytes());
+        Self {
+            rows: left / 8 * 3 / ROW,
+            nodes: left / 4 / NODE,
+            surfels: left / 4 / SURFEL,
+            bricks: left / 8 / BRICK,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::MapSettings;
+
+    #[test]
+    fn no_sequence_of_greedy_frames_passes_the_bound() {
+        let settings = MapSettings { memory_mib: 64, ..MapSettings::default() };
+        let config = MapConfig::from_settings(&settings).expect("valid");
+        assert_eq!(config.key_frame_mib, 16);
+        let mut held = Sizes { rows: 0, nodes: 0, surfels: 0, bricks: 0 };
+        for _ in 0..200 {
+            let room = held.room(&config);
+            held.rows += room.rows;
+            held.nodes += room.nodes;
+            held.surfels += room.surfels;
+            held.bricks += room.bricks;
+            assert!(held.bytes() <= 48 << 20);
+        }
+        assert!(held.bytes() > 47 << 20, "the budget can be used: {}", held.bytes());
+    }
+}

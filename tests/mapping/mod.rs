@@ -1,0 +1,41 @@
+//! What a map promises, held against scenes whose distance is known in closed form. Sequences are
+//! short and images small; every bound is about 1.5 times what was measured.
+
+mod bounds; // the root grows, the cost of a frame does not, memory has a limit
+mod fields; // distance, sign, gradient and state against the truth
+mod fixed; // the same input gives the same file: threads, interruption
+mod moved; // what is gone is gone
+mod variants; // learned prior, fewer modalities
+
+use glam::Vec3;
+
+use orenx::config::{MapConfig, MapSettings};
+use orenx::dataset::Dataset;
+use orenx::dataset::synthetic::Synthetic;
+use orenx::map::{Fields, MapView, Mapper, State};
+
+/// The settings of a `lite` map with these steps a frame.
+pub(crate) fn lite(steps: u32) -> MapConfig {
+    let settings = MapSettings { steps: Some(steps), ..MapSettings::default() };
+    MapConfig::from_settings(&settings).unwrap()
+}
+
+/// Takes frames of a sequence into a map.
+pub(crate) fn integrate(
+    mapper: &mut Mapper,
+    data: &Synthetic,
+    frames: impl IntoIterator<Item = usize>,
+) {
+    for index in frames {
+        mapper.integrate(&data.load(index, false).unwrap()).unwrap();
+    }
+}
+
+/// The state of one point.
+pub(crate) fn state(view: &MapView, point: Vec3) -> State {
+    match view.query(&[point], Fields::ALL).state[0] {
+        1 => State::Free,
+        2 => State::Occupied,
+        _ => State::Unknown,
+    }
+}
