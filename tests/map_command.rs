@@ -46,7 +46,7 @@ fn bad_arguments_and_datasets_end_with_code_2_and_a_reason() {
     refused(&["map", room, "--out", &out, "--r0", "7"], "r0_m");
     refused(&["map", room, "--out", &out, "--modalities", "sdf,smell"], "smell");
     refused(&["map", room, "--out", &out, "--noise", "salt:1"], "salt");
-    refused(&["map", room, "--out", &out, "--resume", "x", "--seed", "3"], "--seed");
+    refused(&["map", room, "--out", &out, "--resume", &missing], "missing");
     assert!(!Path::new(&out).exists());
 }
 

@@ -64,7 +64,11 @@ pub struct MapStats {
 /// Owns the map and its backend; used by one thread.
 pub struct Mapper {
     pub(super) config: Arc<MapConfig>,
+    /// Fuses frames: what must keep up with a camera.
     pub(super) pool: Arc<rayon::ThreadPool>,
+    /// Trains, in the time that is left. Apart, so that a lower priority for training does not hold
+    /// up fusion.
+    pub(super) trainers: Arc<rayon::ThreadPool>,
     pub(super) topology: Topology,
     pub(super) surface: Surface,
     pub(super) key_frames: KeyFrames,
@@ -95,12 +99,15 @@ impl Mapper {
     /// An empty map, trained on `threads` threads; 0 is one a core.
     pub fn with_threads(config: MapConfig, threads: usize) -> Result<Self> {
         let lattice = Lattice::new(&config);
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .thread_name(|i| format!("orenx-train-{i}"))
-            .build()
-            .map_err(|e| Error::Internal(format!("cannot start trainer threads: {e}")))?;
-        let pool = Arc::new(pool);
+        let pool = |name: &'static str| {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .thread_name(move |i| format!("orenx-{name}-{i}"))
+                .build()
+                .map(Arc::new)
+                .map_err(|e| Error::Internal(format!("cannot start {name} threads: {e}")))
+        };
+        let (pool, trainers) = (pool("fuse")?, pool("train")?);
         let surface = Surface::new(&config);
         let store = Store {
             unit_m: lattice.unit_m,
@@ -113,10 +120,11 @@ impl Mapper {
             store,
             key_frames: KeyFrames::new(&config),
             schedule: Schedule::new(&config),
-            backend: Box::new(CpuBackend::new(&config, pool.clone())?),
+            backend: Box::new(CpuBackend::new(&config, trainers.clone())?),
             learned: Vec::new(),
             no_prior: Vec::new(),
             pool,
+            trainers,
             config: Arc::new(config),
             idle_steps: 0,
             changed: false,
@@ -215,7 +223,7 @@ impl Mapper {
             step: self.stats.steps as u32,
             eikonal_share: self.config.eikonal_share,
         };
-        let batch = sample(&plan, &frames, &self.topology, &self.surface, &self.pool);
+        let batch = sample(&plan, &frames, &self.topology, &self.surface, &self.trainers);
         self.stage("labels", labels);
         let train = Instant::now();
         let closed = self.config.prior == Prior::Closed;
@@ -264,7 +272,8 @@ impl Mapper {
     /// nothing changes.
     pub fn set_trainer_nice(&self, nice: u8) -> Result<()> {
         #[cfg(target_os = "linux")]
-        for set in self.pool.broadcast(|_| rustix::process::setpriority_process(None, nice.into()))
+        for set in
+            self.trainers.broadcast(|_| rustix::process::setpriority_process(None, nice.into()))
         {
             set.map_err(|e| Error::Internal(format!("the priority of trainer threads: {e}")))?;
         }

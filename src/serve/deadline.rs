@@ -86,6 +86,33 @@ mod tests {
 
     use super::*;
 
+    /// Never answers.
+    struct Silent;
+
+    impl Service<Request<()>> for Silent {
+        type Response = Response<()>;
+        type Error = std::convert::Infallible;
+        type Future = std::future::Pending<Result<Response<()>, Self::Error>>;
+
+        fn poll_ready(&mut self, _context: &mut Context<'_>) -> Poll<Result<(), Self::Error>> {
+            Poll::Ready(Ok(()))
+        }
+
+        fn call(&mut self, _request: Request<()>) -> Self::Future {
+            std::future::pending()
+        }
+    }
+
+    #[tokio::test]
+    async fn a_deadline_that_passes_is_told_as_such() {
+        let mut request = Request::new(());
+        request.headers_mut().insert(TIMEOUT, HeaderValue::from_static("1u"));
+        let answer = Deadlines.layer(Silent).call(request).await.expect("infallible");
+        let status = Status::from_header_map(answer.headers()).expect("a status");
+        assert_eq!(status.code(), tonic::Code::DeadlineExceeded);
+        assert!(status.message().contains("1µs"), "{}", status.message());
+    }
+
     #[test]
     fn deadlines_are_read_or_ignored() {
         let read = |text: &str| {

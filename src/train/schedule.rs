@@ -7,6 +7,9 @@ use crate::config::{self, MapConfig};
 /// Steps are left out rather than made with fewer rays than this.
 const MIN_RAYS: u32 = 256;
 
+/// What remains of the measured cost of a ray after a frame without training.
+const FORGET: f32 = 0.95;
+
 /// Rays and steps of one frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Pace {
@@ -44,7 +47,7 @@ impl Schedule {
 
     /// What to do in a frame that has already taken `spent`. The frames that wait behind it share
     /// its budget: what they would lose is a drop, what it loses is training that can be made up.
-    pub fn pace(&self, spent: Duration) -> Pace {
+    pub fn pace(&mut self, spent: Duration) -> Pace {
         let full = self.full;
         if !self.adaptive || full.steps == 0 {
             return full;
@@ -57,6 +60,9 @@ impl Schedule {
             ray_s => (left_s / ray_s).max(0.0) as u32,
         };
         if affordable < MIN_RAYS {
+            // What is not tried is not measured: a machine that was busy for a while is believed to
+            // be free again little by little.
+            self.ray_s *= FORGET;
             Pace { rays: 0, steps: 0 }
         } else if affordable < full.rays {
             Pace { rays: affordable, steps: 1 }
@@ -138,9 +144,18 @@ mod tests {
         assert_eq!(adaptive.pace(3 * MS), Pace { rays: 0, steps: 0 });
         adaptive.set_behind(0);
         assert_eq!(adaptive.pace(30 * MS), Pace { rays: 0, steps: 0 });
+        adaptive.ray_s = 10e-6;
         assert!(adaptive.idle_rays(5 * MS).abs_diff(500) <= 1);
         assert_eq!(adaptive.idle_rays(Duration::ZERO), MIN_RAYS);
         assert_eq!(adaptive.idle_rays(1000 * MS), 2048);
+    }
+
+    #[test]
+    fn training_comes_back_after_a_busy_time() {
+        let mut adaptive = schedule(Kind::Adaptive, Profile::Lite);
+        adaptive.learn(256, 100 * MS);
+        let skipped = (0..1000).take_while(|_| adaptive.pace(3 * MS).steps == 0).count();
+        assert!((10..100).contains(&skipped), "{skipped} frames without training");
     }
 
     #[test]
