@@ -107,6 +107,8 @@ pub struct KeyFrames {
     bytes: usize,
     /// By id; `None` once it gave way.
     frames: Vec<Option<KeyFrame>>,
+    /// On how many blocks' lists each stands.
+    listings: Vec<u32>,
     newest: Option<u32>,
     /// Ids by block, oldest first.
     by_block: Vec<(u64, BlockFrames)>,
@@ -158,6 +160,7 @@ impl KeyFrames {
             budget_bytes: (config.key_frame_mib as usize) << 20,
             bytes: 0,
             frames: Vec::new(),
+            listings: Vec::new(),
             newest: None,
             by_block: Vec::new(),
             idle_cursor: 0,
@@ -223,6 +226,10 @@ impl KeyFrames {
         {
             return Err(damaged());
         }
+        self.listings = vec![0; self.frames.len()];
+        for &id in &state.block_ids {
+            self.listings[id as usize] += 1;
+        }
         let mut ids = &state.block_ids[..];
         for (i, &block) in state.blocks.iter().enumerate() {
             let count = state.block_counts[i] as usize;
@@ -272,15 +279,31 @@ impl KeyFrames {
         self.newest = Some(id);
         self.bytes += frame.bytes();
         self.frames.push(Some(frame.clone()));
+        self.listings.push(0);
         for &block in &frame.blocks {
             let entry = self.block(block);
             let ids = &mut self.by_block[entry].1.ids;
             if ids.len() == PER_BLOCK {
-                ids.remove(0);
+                let old = ids.remove(0);
+                self.leave_block(old);
             }
-            ids.push(id);
+            self.by_block[entry].1.ids.push(id);
+            self.listings[id as usize] += 1;
         }
         while self.bytes > self.budget_bytes && self.drop_redundant(frame, id) {}
+    }
+
+    /// Takes a key frame off one block's list. One that is on no list can never be chosen again, and
+    /// is given up: a robot that stays in a room holds what the room needs.
+    fn leave_block(&mut self, id: u32) {
+        let listings = &mut self.listings[id as usize];
+        *listings = listings.saturating_sub(1);
+        if *listings == 0
+            && self.newest != Some(id)
+            && let Some(frame) = self.frames[id as usize].take()
+        {
+            self.bytes -= frame.bytes();
+        }
     }
 
     /// The key frames to train on beside the current view, by greedy cover: first the one whose
@@ -415,4 +438,34 @@ fn intersection_over_union(a: &[u64], b: &[u64]) -> f32 {
         }
     }
     both as f32 / (a.len() + b.len() - both).max(1) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::MapSettings;
+    use crate::dataset::Dataset;
+    use crate::dataset::synthetic::Synthetic;
+
+    /// A robot that goes round in one room must not gather key frames for ever.
+    #[test]
+    fn laps_of_one_room_hold_a_bounded_number() {
+        let config = MapConfig::from_settings(&MapSettings::default()).expect("defaults");
+        let room = Synthetic::room(60).with_width(32);
+        let frames: Vec<KeyFrame> = (0..room.len())
+            .map(|i| KeyFrame::new(&room.load(i, false).expect("a frame"), 4096, config.r0_m))
+            .collect();
+        let mut held = KeyFrames::new(&config);
+        let lap = |held: &mut KeyFrames| {
+            frames.iter().for_each(|frame| held.offer(frame));
+            (held.len(), held.bytes())
+        };
+        let after: Vec<(usize, u64)> = (0..80).map(|_| lap(&mut held)).collect();
+        assert!(after[0].0 > 10, "a lap gives many: {}", after[0].0);
+        assert_eq!(after[40], after[79], "later laps replace");
+        let resumed = KeyFrames::new(&config).with_state(held.state()).expect("whole");
+        assert_eq!((resumed.listings, resumed.bytes), (held.listings, held.bytes));
+        let bytes: usize = held.frames.iter().flatten().map(KeyFrame::bytes).sum();
+        assert_eq!(held.bytes, bytes);
+    }
 }
