@@ -165,9 +165,12 @@ impl Mapper {
     fn allocate(&mut self, frame: &Frame) -> KeyFrame {
         let number = self.stats.frames as u32;
         self.grant_room();
+        let rows = self.topology.rows() as u32;
         let change = self.surface.integrate(frame, 0, number, &mut self.topology, &self.pool);
         self.backend.resize(self.topology.rows());
         self.backend.reset(&change.prior.voided);
+        // A new row that keeps its first value is no change of the prior, but new to every page.
+        self.changed_rows.extend(rows..self.topology.rows() as u32);
         self.changed_rows.extend(change.prior.rows);
         self.changed_bricks.extend(change.changed_bricks);
         if self.config.prior == Prior::Learned {

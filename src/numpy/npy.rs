@@ -295,6 +295,7 @@ mod tests {
             (good[..good.len() - 1].to_vec(), "ends before"),
             (long, "bytes follow"),
             (patched("NUMPY", "NUMPX"), "not an npy array"),
+            ([b"\x93NUMPY\x01\x00\x64\x00", &[b'['; 100][..]].concat(), "malformed"),
             (patched("<f4", ">f4"), "element type"),
             (patched("(4,), }", "(4, 4294967)"), "malformed"),
             (patched("(4,), }", "(-4,), }"), "malformed"),

@@ -1,15 +1,16 @@
 //! The closed-form prior: every vertex keeps its nearest surfel, passed on from corner to corner
 //! in lower and raise waves (voxblox), and takes distance and gradient from it.
 
-use std::borrow::Cow;
+mod stored;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::evidence::Evidence;
 use super::surfel::{NO_SURFEL, SurfelMap};
-use crate::error::{Error, Result};
 use crate::octree::{Explicit, NO_NODE, NO_ROW, NodeSource, Topology};
+
+pub use stored::PriorState;
 
 /// End of a surfel's list of vertices.
 const END: u32 = u32::MAX;
@@ -31,18 +32,6 @@ pub struct PriorField {
     previous: Vec<u32>,
     heads: Vec<u32>,
     work: Work,
-}
-
-/// A stored prior.
-#[derive(Debug)]
-pub struct PriorState<'a> {
-    pub nearest: Cow<'a, [u32]>,
-    pub reach: Cow<'a, [f32]>,
-    pub values: Cow<'a, [Explicit]>,
-    pub seen_free: Cow<'a, [u32]>,
-    pub next: Cow<'a, [u32]>,
-    pub previous: Cow<'a, [u32]>,
-    pub heads: Cow<'a, [u32]>,
 }
 
 /// What belongs to the update in hand.
@@ -128,55 +117,6 @@ impl PriorField {
             self.pull(row, topology, surfels);
             self.mark(row);
         }
-    }
-
-    /// Everything that [`PriorField::with_state`] needs to go on as if it had not stopped.
-    pub fn state(&self) -> PriorState<'_> {
-        PriorState {
-            nearest: Cow::Borrowed(&self.nearest),
-            reach: Cow::Borrowed(&self.reach),
-            values: Cow::Borrowed(&self.values),
-            seen_free: Cow::Borrowed(&self.seen_free),
-            next: Cow::Borrowed(&self.next),
-            previous: Cow::Borrowed(&self.previous),
-            heads: Cow::Borrowed(&self.heads),
-        }
-    }
-
-    /// Takes up a stored state of `rows` rows and at most `surfels` surfel slots.
-    pub fn with_state(
-        mut self,
-        state: PriorState<'_>,
-        rows: usize,
-        surfels: usize,
-    ) -> Result<Self> {
-        let lengths = [
-            state.nearest.len(),
-            state.reach.len(),
-            state.values.len(),
-            state.seen_free.len(),
-            state.next.len(),
-            state.previous.len(),
-        ];
-        let row_exists = |&r: &u32| r == END || (r as usize) < rows;
-        let surfel_exists = |&s: &u32| s == NO_SURFEL || (s as usize) < state.heads.len();
-        if lengths.iter().any(|&l| l != rows)
-            || state.heads.len() > surfels
-            || !state.nearest.iter().all(surfel_exists)
-            || !state.next.iter().chain(&*state.previous).chain(&*state.heads).all(row_exists)
-        {
-            return Err(Error::corrupt("prior", "columns do not fit together"));
-        }
-        self.nearest = state.nearest.into_owned();
-        self.reach = state.reach.into_owned();
-        self.values = state.values.into_owned();
-        self.seen_free = state.seen_free.into_owned();
-        self.next = state.next.into_owned();
-        self.previous = state.previous.into_owned();
-        self.heads = state.heads.into_owned();
-        self.work.queued = vec![false; rows];
-        self.work.is_changed = vec![false; rows];
-        Ok(self)
     }
 
     /// Offers a surfel to a row.
