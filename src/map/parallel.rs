@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 
 /// Points answered by one thread at a time: long enough to fill SIMD lanes and hide scheduling,
 /// short enough that a small query is never stuck behind a large one.
-pub const CHUNK_POINTS: usize = 4096;
+pub const CHUNK_POINTS: usize = 1024;
 
 /// Whatever answers points like [`super::MapView::query`] does: a view, or a closed form in tests.
 pub trait PointQuery: Fn(&[Vec3], Fields) -> PointAnswers + Sync {}
