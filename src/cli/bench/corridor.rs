@@ -80,20 +80,24 @@ impl Drive {
         let settings = MapSettings::default();
         let large = mapper(&settings)?;
         let mut drive = Self { corridor, settings, large, next_frame: 0, small_rows: 0 };
-        // Bays differ: the largest of the small maps that some of them give.
+        // Bays differ: the middle one of the small maps that some of them give.
+        let mut rows = Vec::new();
         for first in (0..8).map(|place| place * 2 * FRAMES) {
             let mut small = mapper(&drive.settings)?;
             for index in (first..first + FRAMES).filter(|index| *index < drive.corridor.len()) {
                 small.integrate(&drive.corridor.load(index, false)?)?;
             }
-            drive.small_rows = drive.small_rows.max(small.stats().rows);
+            rows.push(small.stats().rows);
         }
+        rows.sort_unstable();
+        drive.small_rows = rows[rows.len() / 2];
         Ok(drive)
     }
 
-    /// Drives on until the large map has `times` the rows of a small one.
+    /// Drives on until the large map has `times` the rows of a small one, and a tenth more, since
+    /// small ones differ.
     fn grow(&mut self, times: u32) -> Result<()> {
-        while self.large.stats().rows < u64::from(times) * self.small_rows {
+        while self.large.stats().rows < u64::from(times) * self.small_rows * 11 / 10 {
             let frame = self.frame(GROWTH_STRIDE)?;
             time(&mut self.large, &frame)?;
         }
