@@ -6,14 +6,15 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::budget::Sizes;
-use super::view::{BRICKS, MapView, NODES, ROWS, Store};
+use super::view::{BRICKS, MapView, NODES, Node, ROWS, Store};
 use crate::backend::{Backend, CpuBackend, Host, StepParameters};
 use crate::config::{MapConfig, Prior};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::geometry::Aabb;
 use crate::modality::losses::{LossWeights, Stencil};
-use crate::octree::{Explicit, NO_NODE, NodeSource, Topology};
+use crate::modality::{Features, Row};
+use crate::octree::{Explicit, NO_NODE, NO_ROW, NodeSource, Topology};
 use crate::surface::{Lattice, Surface};
 use crate::train::{KeyFrame, KeyFrames, RayPlan, Schedule, sample};
 
@@ -317,15 +318,15 @@ impl Mapper {
             std::array::from_fn(|i| prior[row as usize][i] + learned[i])
         };
         self.backend.read_changed(&mut |row, values| {
-            let (page, i) = (pages.write(row as usize / ROWS), row as usize % ROWS);
-            page.feature[i] = values.sdf_feature;
-            page.occupancy[i] = values.occupancy_feature;
-            page.explicit[i] = explicit(row, &values.explicit);
+            pages.write(row as usize / ROWS).rows[row as usize % ROWS] = Row {
+                explicit: explicit(row, &values.explicit),
+                features: Features::nearest(&values.sdf_feature, &values.occupancy_feature),
+            };
             learned[row as usize] = values.explicit;
         });
         for row in std::mem::take(&mut self.changed_rows) {
             let page = pages.write(row as usize / ROWS);
-            page.explicit[row as usize % ROWS] = explicit(row, &learned[row as usize]);
+            page.rows[row as usize % ROWS].explicit = explicit(row, &learned[row as usize]);
         }
     }
 
@@ -341,13 +342,16 @@ impl Mapper {
             let page = self.store.nodes.write(node as usize / NODES);
             let i = node as usize % NODES;
             page.children[i] = self.topology.children(node);
-            page.corners[i] = *self.topology.corners(node);
-            page.low[i] = self.topology.low_corner(node);
-            page.log2_size[i] = self.topology.log2_size(node);
             let low = self.topology.min_m(node);
             let brick = self.surface.evidence.find(low + 0.5 * self.topology.size_m(node));
-            let carries = page.corners[i][0] != NO_NODE;
-            page.brick[i] = brick.filter(|_| carries).map_or(NO_NODE, |b| b.brick);
+            let corners = *self.topology.corners(node);
+            let carries = corners[0] != NO_ROW;
+            page.nodes[i] = Node {
+                corners,
+                brick: brick.filter(|_| carries).map_or(NO_NODE, |b| b.brick),
+                low: self.topology.low_corner(node),
+                log2_size: self.topology.log2_size(node),
+            };
             if carries {
                 bounds.extend(low);
                 bounds.extend(low + self.topology.size_m(node));

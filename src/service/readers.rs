@@ -213,7 +213,7 @@ impl Question {
         let mut progress = self.progress();
         let parts: Option<Vec<PointAnswers>> = progress.answered.drain(..).collect();
         if let Some(parts) = parts {
-            progress.finish(Ok(concatenate(parts)));
+            progress.finish(Ok(PointAnswers::concatenate(parts)));
         }
     }
 }
@@ -231,17 +231,6 @@ impl Progress {
 pub(super) fn evaluate(view: &MapView, points: &[Vec3], fields: Fields) -> Result<PointAnswers> {
     catch_unwind(AssertUnwindSafe(|| view.query(points, fields)))
         .map_err(|_| Error::Internal("this question made the server fail".into()))
-}
-
-fn concatenate(parts: Vec<PointAnswers>) -> PointAnswers {
-    let mut whole = PointAnswers::default();
-    for part in parts {
-        whole.distance.extend(part.distance);
-        whole.gradient.extend(part.gradient);
-        whole.occupancy.extend(part.occupancy);
-        whole.state.extend(part.state);
-    }
-    whole
 }
 
 #[cfg(test)]
