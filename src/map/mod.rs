@@ -5,6 +5,7 @@ mod mapper;
 mod mesh;
 mod pages;
 mod parallel;
+mod publish;
 mod query;
 mod slice;
 mod state;
