@@ -3,6 +3,7 @@
 //! [`MapSettings`] is raw: what the file, the environment and the flags say. [`MapConfig`] is
 //! checked and complete: every profile default is filled in, and it travels inside a checkpoint.
 
+mod layers;
 mod server;
 mod stored;
 
@@ -50,6 +51,11 @@ pub enum BackendChoice {
     Auto,
     Cpu,
     Gpu,
+}
+
+/// A choice as the settings file and the flags write it.
+pub fn name_of(choice: impl clap::ValueEnum) -> String {
+    choice.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
 /// A map's settings as written by a user; everything that is absent follows the profile.

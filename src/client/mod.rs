@@ -5,19 +5,20 @@ mod stream;
 use std::time::Duration;
 
 use glam::Vec3;
-use tokio_stream::Stream;
+use tokio_stream::{Stream, StreamExt};
 use tonic::Streaming;
 use tonic::transport::{Channel, Endpoint};
 
+use crate::engine::Emptied;
 use crate::error::{Error, Result};
 use crate::map::Fields;
-use crate::service::{MapReport, MapSummary, PointsReply};
+use crate::service::{MapReport, MapSummary, PointsQuestion, PointsReply};
 use crate::wire::v1::ingest_client::IngestClient;
 use crate::wire::v1::maps_client::MapsClient;
 use crate::wire::v1::query_client::QueryClient;
 use crate::wire::{
-    MAX_MESSAGE_BYTES, PointsQuestion, error_from_status, map_list_from_wire, map_stats_from_wire,
-    points_question_to_wire, v1,
+    MAX_MESSAGE_BYTES, error_from_status, map_list_from_wire, map_stats_from_wire,
+    points_question_to_wire, stream_question_to_wire, stream_reply_from_wire, v1,
 };
 
 pub use stream::{Pace, StreamReport, load_ahead, send};
@@ -61,14 +62,38 @@ impl Client {
         fields: Fields,
         min_epoch: u64,
     ) -> Result<PointsReply> {
-        let question =
-            PointsQuestion { map_id: map_id.into(), points: points.to_vec(), fields, min_epoch };
+        let question = PointsQuestion {
+            map_id: map_id.into(),
+            fields,
+            min_epoch,
+            ..PointsQuestion::new(points.to_vec())
+        };
+        self.ask(&question).await
+    }
+
+    /// The answer to any question about points.
+    pub async fn ask(&self, question: &PointsQuestion) -> Result<PointsReply> {
         let reply = QueryClient::new(self.channel.clone())
             .max_decoding_message_size(MAX_MESSAGE_BYTES)
-            .query_points(points_question_to_wire(&question))
+            .query_points(points_question_to_wire(question))
             .await
             .map_err(|status| error_from_status(&status))?;
         Ok(reply.into_inner().into())
+    }
+
+    /// Sends questions as they come and returns what became of them, in the same order. The server
+    /// reads a few ahead of what is read here.
+    pub async fn stream_query(
+        &self,
+        questions: impl Stream<Item = (u64, PointsQuestion)> + Send + 'static,
+    ) -> Result<Answers> {
+        let messages = questions.map(|(id, question)| stream_question_to_wire(id, &question));
+        let answers = QueryClient::new(self.channel.clone())
+            .max_decoding_message_size(MAX_MESSAGE_BYTES)
+            .stream_query(messages)
+            .await
+            .map_err(|status| error_from_status(&status))?;
+        Ok(Answers(answers.into_inner()))
     }
 
     /// Every map of the server.
@@ -87,6 +112,16 @@ impl Client {
             .await
             .map_err(|status| error_from_status(&status))?;
         map_stats_from_wire(reply.into_inner())
+    }
+
+    /// Empties a map; the first epoch of the empty one and how many waiting frames were dropped.
+    pub async fn reset_map(&self, map_id: &str) -> Result<Emptied> {
+        let reply = MapsClient::new(self.channel.clone())
+            .reset_map(v1::ResetMapRequest { map_id: map_id.into() })
+            .await
+            .map_err(|status| error_from_status(&status))?
+            .into_inner();
+        Ok(Emptied { epoch: reply.epoch, frames_dropped: reply.frames_dropped })
     }
 
     /// Sends frames as they come and returns their acks. Whoever calls bounds the frames that are
@@ -111,6 +146,17 @@ impl Acks {
     /// The next ack; `None` after the last.
     pub async fn next(&mut self) -> Result<Option<v1::FrameAck>> {
         self.0.message().await.map_err(|status| error_from_status(&status))
+    }
+}
+
+/// The answers of one stream of questions.
+pub struct Answers(Streaming<v1::StreamQueryReply>);
+
+impl Answers {
+    /// The number of the next question, and its answer or refusal; `None` after the last.
+    pub async fn next(&mut self) -> Result<Option<(u64, Result<PointsReply>)>> {
+        let message = self.0.message().await.map_err(|status| error_from_status(&status))?;
+        message.map(stream_reply_from_wire).transpose()
     }
 }
 

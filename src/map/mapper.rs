@@ -6,14 +6,15 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::budget::Sizes;
+use super::robots::Robots;
 use super::view::Store;
-use crate::backend::{Backend, CpuBackend, Host, StepParameters};
+use crate::backend::{Backend, Host, StepParameters};
 use crate::config::{MapConfig, Prior};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::modality::losses::{LossWeights, Stencil};
 use crate::octree::{Explicit, Topology};
-use crate::surface::{Lattice, Surface};
+use crate::surface::Surface;
 use crate::train::{KeyFrame, KeyFrames, RayPlan, Schedule, sample};
 
 /// Sign consistency joins the losses after this many frames (algorithms.md §8).
@@ -70,6 +71,7 @@ pub struct Mapper {
     pub(super) trainers: Arc<rayon::ThreadPool>,
     pub(super) topology: Topology,
     pub(super) surface: Surface,
+    pub(super) robots: Robots,
     pub(super) key_frames: KeyFrames,
     pub(super) schedule: Schedule,
     pub(super) backend: Box<dyn Backend<Topology>>,
@@ -90,50 +92,6 @@ pub struct Mapper {
 }
 
 impl Mapper {
-    /// An empty map, trained on one thread a core.
-    pub fn new(config: MapConfig) -> Result<Self> {
-        Self::with_threads(config, 0)
-    }
-
-    /// An empty map, trained on `threads` threads; 0 is one a core.
-    pub fn with_threads(config: MapConfig, threads: usize) -> Result<Self> {
-        let lattice = Lattice::new(&config);
-        let pool = |name: &'static str| {
-            rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .thread_name(move |i| format!("orenx-{name}-{i}"))
-                .build()
-                .map(Arc::new)
-                .map_err(|e| Error::Internal(format!("cannot start {name} threads: {e}")))
-        };
-        let (pool, trainers) = (pool("fuse")?, pool("train")?);
-        let surface = Surface::new(&config);
-        let store = Store {
-            unit_m: lattice.unit_m,
-            cell_m: lattice.size_m(lattice.cell),
-            ..Store::default()
-        };
-        Ok(Self {
-            topology: Topology::new(lattice.unit_m, lattice.brick),
-            surface,
-            store,
-            key_frames: KeyFrames::new(&config),
-            schedule: Schedule::new(&config),
-            backend: Box::new(CpuBackend::new(&config, trainers.clone())?),
-            learned: Vec::new(),
-            no_prior: Vec::new(),
-            pool,
-            trainers,
-            config: Arc::new(config),
-            idle_steps: 0,
-            changed: false,
-            stats: MapStats::default(),
-            newest_stamp_ns: 0,
-            changed_rows: Vec::new(),
-            changed_bricks: Vec::new(),
-        })
-    }
-
     /// The map's settings.
     pub fn config(&self) -> &MapConfig {
         &self.config
@@ -165,7 +123,8 @@ impl Mapper {
         let number = self.stats.frames as u32;
         self.grant_room();
         let rows = self.topology.rows() as u32;
-        let change = self.surface.integrate(frame, 0, number, &mut self.topology, &self.pool);
+        let source = self.robots.number(&frame.robot_id);
+        let change = self.surface.integrate(frame, source, number, &mut self.topology, &self.pool);
         self.backend.resize(self.topology.rows());
         self.backend.reset(&change.prior.voided);
         // A new row that keeps its first value is no change of the prior, but new to every page.

@@ -1,12 +1,14 @@
 //! The map: [`Mapper`] takes frames and publishes [`MapView`]s; a view answers questions.
 
 mod budget;
+mod empty;
 mod mapper;
 mod mesh;
 mod pages;
 mod parallel;
 mod publish;
 mod query;
+mod robots;
 mod slice;
 mod state;
 mod view;
@@ -15,6 +17,7 @@ pub use mapper::{FrameOutcome, MapStats, Mapper};
 pub use mesh::{TriangleMesh, default_resolution_m, extract_mesh};
 pub use parallel::{CHUNK_POINTS, PointQuery, query_parallel, query_pool};
 pub use query::{Fields, PointAnswers, State};
+pub use robots::Robots;
 pub use slice::{Plane, Slice, draw_slice, slice};
 pub use state::{MapperState, Progress, ViewRecord, ViewState};
 pub use view::MapView;

@@ -3,5 +3,6 @@
 mod deadline;
 mod grpc;
 mod run;
+mod stream;
 
 pub use run::run;

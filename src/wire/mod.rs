@@ -5,6 +5,7 @@
 //! below this room.
 
 mod codec;
+mod ending;
 mod geometry;
 mod image;
 mod ingest;
@@ -13,10 +14,17 @@ mod query;
 mod status;
 
 pub use codec::Messages;
+pub use ending::{Deadline, Ending};
 pub use ingest::{FrameSummary, IncomingFrame, ack_to_wire, frame_to_wire};
-pub use maps::{map_list_from_wire, map_list_to_wire, map_stats_from_wire, map_stats_to_wire};
-pub use query::{PointsQuestion, points_question_to_wire, points_reply_to_wire};
-pub use status::{error_from_status, status_from_error};
+pub use maps::{
+    map_detail_to_wire, map_list_from_wire, map_list_to_wire, map_reset_to_wire,
+    map_stats_from_wire, map_stats_to_wire,
+};
+pub use query::{
+    points_question_to_wire, points_reply_to_wire, stream_question_to_wire, stream_reply_from_wire,
+    stream_reply_to_wire,
+};
+pub use status::{Codes, error_from_status, status_from_error};
 
 /// The largest message that is read or written, bytes. A raw 720p depth and color pair takes 4.6 MB,
 /// a million points with every column 21 MB.
@@ -24,6 +32,9 @@ pub const MAX_MESSAGE_BYTES: usize = 64 << 20;
 
 /// The largest image that is decoded, pixels: a compressed message must not grow without bound.
 pub const MAX_PIXELS: usize = 16 << 20;
+
+/// The proto files, comments included, as reflection tells them.
+pub const DESCRIPTORS: &[u8] = tonic::include_file_descriptor_set!("orenx.v1");
 
 /// The generated messages and services of `orenx.v1`.
 #[allow(

@@ -1,9 +1,12 @@
 //! A whole server on a free port, asked through gRPC.
 
+mod bad_input;
 mod frames;
 mod lifecycle;
-mod protocol;
+mod maps;
 mod questions;
+mod sensors;
+mod streams;
 
 use std::sync::Arc;
 
