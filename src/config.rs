@@ -52,6 +52,11 @@ pub enum BackendChoice {
     Gpu,
 }
 
+/// A choice as the settings file and the flags write it.
+pub fn name_of(choice: impl clap::ValueEnum) -> String {
+    choice.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+}
+
 /// A map's settings as written by a user; everything that is absent follows the profile.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]

@@ -4,25 +4,27 @@
 //! anywhere else.
 
 mod counters;
+mod maps;
+mod question;
 mod readers;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
-
-use glam::Vec3;
+use std::time::Instant;
 
 use crate::config::{MapConfig, ServerConfig};
 use crate::engine::{
-    Engine, EngineSettings, FrameSink, Handle, Published, QueuePolicy, Reason, Verdict, persist,
+    Emptied, Engine, EngineSettings, FrameSink, Handle, Published, QueuePolicy, Reason, Verdict,
+    persist,
 };
 use crate::error::{Error, Result};
 use crate::frame::Frame;
-use crate::geometry::Aabb;
-use crate::map::{Fields, MapStats, Mapper, PointAnswers};
+use crate::map::Mapper;
 
 pub use counters::FrameCounts;
 use counters::{Counted, Counters};
+pub use maps::{MapDetail, MapReport, MapSummary};
+pub use question::{MAP_FRAME, PointsQuestion, PointsReply, Unknown, UnknownPolicy, points_of};
 use readers::Readers;
 
 /// The id of the one map.
@@ -31,37 +33,6 @@ pub const DEFAULT_MAP: &str = "default";
 const MAP_FILE: &str = "default.orenx";
 /// A robot's or a sensor's name is at most this long, bytes.
 const MAX_NAME_BYTES: usize = 128;
-
-/// The answer to a point query: all of it from one epoch.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PointsReply {
-    pub answers: PointAnswers,
-    pub epoch: u64,
-    pub newest_stamp_ns: i64,
-    /// Time spent in the server.
-    pub spent: Duration,
-}
-
-/// One map in a list.
-#[derive(Debug, Clone, PartialEq)]
-pub struct MapSummary {
-    pub map_id: String,
-    pub epoch: u64,
-    pub newest_stamp_ns: i64,
-    /// World metres; empty while the map is.
-    pub bounds: Aabb,
-    pub modalities: Vec<String>,
-}
-
-/// A map's counters and those of the frames that were sent to it.
-#[derive(Debug, Clone)]
-pub struct MapReport {
-    pub summary: MapSummary,
-    pub stats: MapStats,
-    pub counts: FrameCounts,
-    /// Memory held by the process, bytes; 0 where the system does not tell.
-    pub resident_bytes: u64,
-}
 
 /// A running server without its transports.
 pub struct Service {
@@ -124,52 +95,48 @@ impl Service {
         Counted::receive(&self.counters, sink).settle(Verdict::Rejected(error));
     }
 
-    /// Answers points (world metres) from the newest view, of which `min_epoch` is demanded. Small
-    /// questions are answered on the calling thread, others on the readers, chunk by chunk; a
-    /// dropped future stops the work at the next chunk.
-    pub async fn query_points(
-        &self,
-        map_id: &str,
-        points: Vec<Vec3>,
-        fields: Fields,
-        min_epoch: u64,
-    ) -> Result<PointsReply> {
+    /// Answers points from the newest view, if it is as new as the question demands. Small questions
+    /// are answered on the calling thread, others on the readers, chunk by chunk; a dropped future
+    /// stops the work at the next chunk.
+    pub async fn query_points(&self, question: PointsQuestion) -> Result<PointsReply> {
         let started = Instant::now();
-        let Published { view, .. } = self.map(map_id)?.published();
-        if points.len() > self.max_points {
-            return Err(Error::invalid(
-                "points_m",
-                format!(
-                    "{} points; the limit is {} a request (server.max_points)",
-                    points.len(),
-                    self.max_points
-                ),
-            ));
-        }
+        let Published { view, framed_at, .. } = self.map(&question.map_id)?.published();
+        question.check(self.max_points)?;
         let (epoch, newest_stamp_ns) = (view.epoch(), view.newest_stamp_ns());
-        if epoch < min_epoch {
-            return Err(Error::FailedPrecondition(format!(
-                "min_epoch: {min_epoch} is not published yet, the newest is {epoch}"
-            )));
-        }
+        question.demand(epoch, framed_at.map(|at| started.saturating_duration_since(at)))?;
+        let fill = question.unknown.fill(view.config().max_distance_m);
+        let PointsQuestion { points, fields, .. } = question;
         let answers = if points.len() <= readers::IN_PLACE {
-            readers::evaluate(&view, &points, fields)?
+            readers::evaluate(&view, &points, fields, fill)?
         } else {
-            self.readers.query(view, points, fields).await?
+            self.readers.query(view, points, fields, fill).await?
         };
         Ok(PointsReply { answers, epoch, newest_stamp_ns, spent: started.elapsed() })
     }
 
     /// Every map.
     pub fn list_maps(&self) -> Vec<MapSummary> {
-        vec![summary(&self.mapper.published())]
+        vec![MapSummary::from(&self.mapper.published())]
+    }
+
+    /// One map and its settings.
+    pub fn map_detail(&self, map_id: &str) -> Result<MapDetail> {
+        let published = self.map(map_id)?.published();
+        let config = published.view.config().clone();
+        Ok(MapDetail { summary: MapSummary::from(&published), config })
+    }
+
+    /// Empties a map. Questions are answered meanwhile: from the old map until the empty one is
+    /// published. The file on disk is replaced when the server saves.
+    pub async fn reset_map(&self, map_id: &str) -> Result<Emptied> {
+        self.map(map_id)?.reset().await
     }
 
     /// One map's counters.
     pub fn map_stats(&self, map_id: &str) -> Result<MapReport> {
         let published = self.map(map_id)?.published();
         Ok(MapReport {
-            summary: summary(&published),
+            summary: MapSummary::from(&published),
             stats: (*published.stats).clone(),
             counts: self.counters.read(),
             resident_bytes: crate::telemetry::resident_bytes(),
@@ -200,17 +167,6 @@ impl Service {
                 what: format!("map_id: map '{}'", other.chars().take(64).collect::<String>()),
             }),
         }
-    }
-}
-
-fn summary(published: &Published) -> MapSummary {
-    let view = &published.view;
-    MapSummary {
-        map_id: DEFAULT_MAP.into(),
-        epoch: view.epoch(),
-        newest_stamp_ns: view.newest_stamp_ns(),
-        bounds: view.bounds(),
-        modalities: view.config().modalities.clone(),
     }
 }
 

@@ -9,14 +9,15 @@ use tokio_stream::Stream;
 use tonic::Streaming;
 use tonic::transport::{Channel, Endpoint};
 
+use crate::engine::Emptied;
 use crate::error::{Error, Result};
 use crate::map::Fields;
-use crate::service::{MapReport, MapSummary, PointsReply};
+use crate::service::{MapReport, MapSummary, PointsQuestion, PointsReply};
 use crate::wire::v1::ingest_client::IngestClient;
 use crate::wire::v1::maps_client::MapsClient;
 use crate::wire::v1::query_client::QueryClient;
 use crate::wire::{
-    MAX_MESSAGE_BYTES, PointsQuestion, error_from_status, map_list_from_wire, map_stats_from_wire,
+    MAX_MESSAGE_BYTES, error_from_status, map_list_from_wire, map_stats_from_wire,
     points_question_to_wire, v1,
 };
 
@@ -61,11 +62,20 @@ impl Client {
         fields: Fields,
         min_epoch: u64,
     ) -> Result<PointsReply> {
-        let question =
-            PointsQuestion { map_id: map_id.into(), points: points.to_vec(), fields, min_epoch };
+        let question = PointsQuestion {
+            map_id: map_id.into(),
+            fields,
+            min_epoch,
+            ..PointsQuestion::new(points.to_vec())
+        };
+        self.ask(&question).await
+    }
+
+    /// The answer to any question about points.
+    pub async fn ask(&self, question: &PointsQuestion) -> Result<PointsReply> {
         let reply = QueryClient::new(self.channel.clone())
             .max_decoding_message_size(MAX_MESSAGE_BYTES)
-            .query_points(points_question_to_wire(&question))
+            .query_points(points_question_to_wire(question))
             .await
             .map_err(|status| error_from_status(&status))?;
         Ok(reply.into_inner().into())
@@ -87,6 +97,16 @@ impl Client {
             .await
             .map_err(|status| error_from_status(&status))?;
         map_stats_from_wire(reply.into_inner())
+    }
+
+    /// Empties a map; the first epoch of the empty one and how many waiting frames were dropped.
+    pub async fn reset_map(&self, map_id: &str) -> Result<Emptied> {
+        let reply = MapsClient::new(self.channel.clone())
+            .reset_map(v1::ResetMapRequest { map_id: map_id.into() })
+            .await
+            .map_err(|status| error_from_status(&status))?
+            .into_inner();
+        Ok(Emptied { epoch: reply.epoch, frames_dropped: reply.frames_dropped })
     }
 
     /// Sends frames as they come and returns their acks. Whoever calls bounds the frames that are

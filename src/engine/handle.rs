@@ -18,6 +18,18 @@ use crate::map::{MapStats, MapView};
 pub struct Published {
     pub view: Arc<MapView>,
     pub stats: Arc<MapStats>,
+    /// When the newest frame in the view came to the engine; `None` if none has come since the start
+    /// or the last reset.
+    pub framed_at: Option<Instant>,
+}
+
+/// What a reset did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Emptied {
+    /// The first epoch of the empty map.
+    pub epoch: u64,
+    /// Frames that waited and were dropped.
+    pub frames_dropped: u64,
 }
 
 /// Submits frames, reads views, asks the thread to stop. Cheap to clone.
@@ -29,7 +41,8 @@ impl Handle {
     /// verdict; under [`QueuePolicy::Block`] that may take as long as the lane is full. Dropping
     /// the future settles the frame as [`Reason::Abandoned`].
     pub async fn submit(&self, frame: Frame, policy: QueuePolicy, sink: Box<dyn FrameSink>) {
-        let mut job = Some(Job { frame, ticket: Ticket::new(sink) });
+        let arrived = Instant::now();
+        let mut job = Some(Job { frame, ticket: Ticket::new(sink), arrived });
         poll_fn(|context| match job.take() {
             Some(waiting) => match self.0.push(waiting, policy, context.waker()) {
                 None => Poll::Ready(()),
@@ -46,6 +59,13 @@ impl Handle {
     /// The newest view and its counters.
     pub fn published(&self) -> Published {
         self.0.published.read().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Empties the map: the frame at hand is finished, those that wait are dropped, and an empty map
+    /// is published. Returns when it is; dropping the future does not take the wish back.
+    pub async fn reset(&self) -> Result<Emptied> {
+        let wish = self.0.wish_reset()?;
+        poll_fn(|context| self.0.poll_reset(wish, context.waker())).await
     }
 
     /// Asks the thread to finish the frame at hand, drop those that wait, save and end.
@@ -81,9 +101,11 @@ enum Phase {
 /// What the thread does next.
 pub(super) enum Event {
     /// A frame, and how many of live sensors wait behind it.
-    Frame(Job, usize),
+    Frame(Box<Job>, usize),
     /// No frame waits.
     Idle,
+    /// An empty map is wished for; the frames that waited.
+    Reset(VecDeque<Job>),
     /// The end, and the frames that will not be integrated.
     Stop(VecDeque<Job>),
 }
@@ -93,8 +115,19 @@ struct Inbox {
     phase: Phase,
     /// Senders that wait for room.
     senders: Vec<Waker>,
-    /// Those who wait for the end.
+    /// Those who wait for a reset or for the end.
     watchers: Vec<Waker>,
+    resets: Resets,
+}
+
+/// Resets by number: those wished for while the thread is busy are granted together.
+#[derive(Default)]
+struct Resets {
+    wished: u64,
+    begun: u64,
+    done: u64,
+    /// What the last one did.
+    last: Emptied,
 }
 
 /// Shared by the thread and its handles.
@@ -112,6 +145,7 @@ impl Shared {
                 phase: Phase::Running,
                 senders: Vec::new(),
                 watchers: Vec::new(),
+                resets: Resets::default(),
             }),
             bell: Condvar::new(),
             published: RwLock::new(first),
@@ -149,9 +183,15 @@ impl Shared {
             if matches!(inbox.phase, Phase::Stopping) {
                 return Event::Stop(drain(&mut inbox));
             }
+            if inbox.resets.begun < inbox.resets.wished {
+                inbox.resets.begun = inbox.resets.wished;
+                let waiting = drain(&mut inbox);
+                wake(&mut inbox.senders);
+                return Event::Reset(waiting);
+            }
             if let Some(job) = inbox.lanes.pop() {
                 wake(&mut inbox.senders);
-                return Event::Frame(job, inbox.lanes.live());
+                return Event::Frame(Box::new(job), inbox.lanes.live());
             }
             inbox = match deadline.map(|d| d.saturating_duration_since(Instant::now())) {
                 None => self.bell.wait(inbox).unwrap_or_else(PoisonError::into_inner),
@@ -169,6 +209,37 @@ impl Shared {
         let old = std::mem::replace(&mut *slot, newest);
         drop(slot);
         drop(old);
+    }
+
+    /// The number of a new wish for an empty map.
+    fn wish_reset(&self) -> Result<u64> {
+        let mut inbox = self.inbox();
+        if !matches!(inbox.phase, Phase::Running) {
+            return Err(stopping());
+        }
+        inbox.resets.wished += 1;
+        self.bell.notify_one();
+        Ok(inbox.resets.wished)
+    }
+
+    fn poll_reset(&self, wish: u64, waker: &Waker) -> Poll<Result<Emptied>> {
+        let mut inbox = self.inbox();
+        if inbox.resets.done >= wish {
+            return Poll::Ready(Ok(inbox.resets.last));
+        }
+        if matches!(inbox.phase, Phase::Ended(_)) {
+            return Poll::Ready(Err(stopping()));
+        }
+        remember(&mut inbox.watchers, waker);
+        Poll::Pending
+    }
+
+    /// The empty map is published: tells those who wished for it.
+    pub(super) fn emptied(&self, emptied: Emptied) {
+        let mut inbox = self.inbox();
+        inbox.resets.done = inbox.resets.begun;
+        inbox.resets.last = emptied;
+        wake(&mut inbox.watchers);
     }
 
     pub(super) fn stop(&self) {
@@ -192,6 +263,10 @@ impl Shared {
             job.ticket.settle(Verdict::Dropped(Reason::Stopping));
         }
     }
+}
+
+fn stopping() -> Error {
+    Error::Unavailable("the server is stopping".into())
 }
 
 fn drain(inbox: &mut Inbox) -> VecDeque<Job> {

@@ -1,6 +1,7 @@
 //! Bounded queues of frames, one for each (robot, sensor), served in turn.
 
 use std::collections::VecDeque;
+use std::time::Instant;
 
 use super::EngineSettings;
 use super::verdict::{Queue, Reason, Ticket, Verdict};
@@ -21,6 +22,8 @@ pub enum QueuePolicy {
 pub(super) struct Job {
     pub(super) frame: Frame,
     pub(super) ticket: Ticket,
+    /// When the engine was given it.
+    pub(super) arrived: Instant,
 }
 
 impl Job {
@@ -207,7 +210,8 @@ mod tests {
             depth: DepthImage { width, height, metres: vec![1.0; 100] },
             color: None,
         };
-        Job { frame, ticket: Ticket::new(Box::new(Recorder(seq, news.clone()))) }
+        let ticket = Ticket::new(Box::new(Recorder(seq, news.clone())));
+        Job { frame, ticket, arrived: Instant::now() }
     }
 
     fn lanes(lane_frames: usize, lanes: usize, queued_bytes: usize) -> Lanes {

@@ -12,7 +12,7 @@ pub mod persist;
 mod thread;
 mod verdict;
 
-pub use handle::{Handle, Published};
+pub use handle::{Emptied, Handle, Published};
 pub use lanes::QueuePolicy;
 pub use thread::Engine;
 pub use verdict::{FrameSink, Queue, Reason, Verdict};

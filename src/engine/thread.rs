@@ -1,12 +1,13 @@
 //! The thread that owns the map.
 
+use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::EngineSettings;
-use super::handle::{Event, Handle, Published, Shared};
+use super::handle::{Emptied, Event, Handle, Published, Shared};
 use super::lanes::Job;
 use super::verdict::{Reason, Ticket, Verdict};
 use crate::error::{Error, Result};
@@ -30,8 +31,7 @@ pub struct Engine {
 impl Engine {
     /// Starts the thread that owns `mapper` from now on.
     pub fn start(mut mapper: Mapper, settings: EngineSettings) -> Result<Self> {
-        let first = snapshot(&mut mapper);
-        let shared = Arc::new(Shared::new(&settings, first));
+        let shared = Arc::new(Shared::new(&settings, snapshot(&mut mapper, None)));
         let handle = Handle(shared.clone());
         let mut owner = Owner {
             mapper,
@@ -40,6 +40,7 @@ impl Engine {
             unpublished: Vec::new(),
             published_at: Instant::now(),
             framed_at: Instant::now(),
+            newest_arrival: None,
             refining: false,
             refined: false,
         };
@@ -90,6 +91,8 @@ struct Owner {
     published_at: Instant,
     /// When the last frame was integrated.
     framed_at: Instant,
+    /// When the newest frame of the map came to the engine.
+    newest_arrival: Option<Instant>,
     /// Whether refinement is still worth doing.
     refining: bool,
     /// Whether refinement changed the map since the last view.
@@ -101,7 +104,7 @@ impl Owner {
     /// saved and nothing more is tried.
     fn live(&mut self) -> Result<()> {
         let outcome = catch_unwind(AssertUnwindSafe(|| {
-            self.work();
+            self.work()?;
             self.save()
         }));
         let result = outcome.unwrap_or_else(|panic| {
@@ -115,16 +118,16 @@ impl Owner {
         result
     }
 
-    fn work(&mut self) {
+    fn work(&mut self) -> Result<()> {
         loop {
             match self.shared.next(self.patience(Instant::now())) {
-                Event::Frame(job, behind) => self.integrate(job, behind),
+                Event::Frame(job, behind) => self.integrate(*job, behind),
                 Event::Idle => self.idle(Instant::now()),
+                Event::Reset(waiting) => self.reset(waiting)?,
                 Event::Stop(waiting) => {
-                    for job in waiting {
-                        job.ticket.settle(Verdict::Dropped(Reason::Stopping));
-                    }
-                    return self.publish(Instant::now());
+                    drop_all(waiting, Reason::Stopping);
+                    self.publish(Instant::now());
+                    return Ok(());
                 }
             }
         }
@@ -150,6 +153,7 @@ impl Owner {
         match self.mapper.integrate(&job.frame) {
             Ok(outcome) => {
                 self.unpublished.push((job.ticket, outcome.epoch));
+                self.newest_arrival = self.newest_arrival.max(Some(job.arrived));
                 self.refining = true;
             }
             Err(error) => job.ticket.settle(Verdict::Rejected(error)),
@@ -175,9 +179,26 @@ impl Owner {
         }
     }
 
+    /// Empties the map. Frames that are in it already are published first: their acks name an epoch
+    /// that holds them.
+    fn reset(&mut self, waiting: VecDeque<Job>) -> Result<()> {
+        if !self.unpublished.is_empty() {
+            self.publish(Instant::now());
+        }
+        let frames_dropped = waiting.len() as u64;
+        drop_all(waiting, Reason::Reset);
+        self.mapper.reset()?;
+        (self.newest_arrival, self.refining) = (None, false);
+        self.publish(Instant::now());
+        let epoch = self.mapper.stats().epoch;
+        tracing::info!(epoch, frames_dropped, "the map was emptied");
+        self.shared.emptied(Emptied { epoch, frames_dropped });
+        Ok(())
+    }
+
     /// Shows the map to readers, then tells the senders.
     fn publish(&mut self, now: Instant) {
-        self.shared.publish(snapshot(&mut self.mapper));
+        self.shared.publish(snapshot(&mut self.mapper, self.newest_arrival));
         self.published_at = now;
         self.refined = false;
         for (ticket, epoch) in self.unpublished.drain(..) {
@@ -193,8 +214,14 @@ impl Owner {
     }
 }
 
-fn snapshot(mapper: &mut Mapper) -> Published {
-    Published { view: mapper.publish(), stats: Arc::new(mapper.stats()) }
+fn snapshot(mapper: &mut Mapper, framed_at: Option<Instant>) -> Published {
+    Published { view: mapper.publish(), stats: Arc::new(mapper.stats()), framed_at }
+}
+
+fn drop_all(waiting: VecDeque<Job>, reason: Reason) {
+    for job in waiting {
+        job.ticket.settle(Verdict::Dropped(reason));
+    }
 }
 
 /// The text of a panic.
@@ -236,7 +263,7 @@ mod tests {
             store: None,
         };
         let mut mapper = Mapper::new(config).expect("an empty map");
-        let shared = Arc::new(Shared::new(&settings, snapshot(&mut mapper)));
+        let shared = Arc::new(Shared::new(&settings, snapshot(&mut mapper, None)));
         Owner {
             mapper,
             settings,
@@ -244,6 +271,7 @@ mod tests {
             unpublished: Vec::new(),
             published_at: Instant::now(),
             framed_at: Instant::now(),
+            newest_arrival: None,
             refining: false,
             refined: false,
         }
@@ -255,7 +283,8 @@ mod tests {
 
     fn frame(owner: &mut Owner, index: usize) {
         let frame = Synthetic::room(100).with_width(64).load(index, false).expect("a frame");
-        owner.integrate(Job { frame, ticket: Ticket::new(Box::new(Nobody)) }, 0);
+        let ticket = Ticket::new(Box::new(Nobody));
+        owner.integrate(Job { frame, ticket, arrived: Instant::now() }, 0);
     }
 
     #[test]

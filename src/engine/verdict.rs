@@ -19,11 +19,13 @@ pub enum Reason {
     Exhausted,
     /// Our own fault.
     Internal,
+    /// The map was emptied while the frame waited.
+    Reset,
 }
 
 impl Reason {
     /// Every reason, in the order of their numbers.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Replaced,
         Self::Stopping,
         Self::Abandoned,
@@ -31,6 +33,7 @@ impl Reason {
         Self::UnknownMap,
         Self::Exhausted,
         Self::Internal,
+        Self::Reset,
     ];
 
     /// The name in counters and reports.
@@ -43,6 +46,7 @@ impl Reason {
             Self::UnknownMap => "unknown_map",
             Self::Exhausted => "exhausted",
             Self::Internal => "internal",
+            Self::Reset => "reset",
         }
     }
 

@@ -7,14 +7,14 @@ use serde::{Deserialize, Serialize};
 
 use super::budget::Sizes;
 use super::view::{BRICKS, MapView, NODES, ROWS, Store};
-use crate::backend::{Backend, CpuBackend, Host, StepParameters};
+use crate::backend::{Backend, Host, StepParameters};
 use crate::config::{MapConfig, Prior};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::geometry::Aabb;
 use crate::modality::losses::{LossWeights, Stencil};
 use crate::octree::{Explicit, NO_NODE, NodeSource, Topology};
-use crate::surface::{Lattice, Surface};
+use crate::surface::Surface;
 use crate::train::{KeyFrame, KeyFrames, RayPlan, Schedule, sample};
 
 /// Sign consistency joins the losses after this many frames (algorithms.md §8).
@@ -91,50 +91,6 @@ pub struct Mapper {
 }
 
 impl Mapper {
-    /// An empty map, trained on one thread a core.
-    pub fn new(config: MapConfig) -> Result<Self> {
-        Self::with_threads(config, 0)
-    }
-
-    /// An empty map, trained on `threads` threads; 0 is one a core.
-    pub fn with_threads(config: MapConfig, threads: usize) -> Result<Self> {
-        let lattice = Lattice::new(&config);
-        let pool = |name: &'static str| {
-            rayon::ThreadPoolBuilder::new()
-                .num_threads(threads)
-                .thread_name(move |i| format!("orenx-{name}-{i}"))
-                .build()
-                .map(Arc::new)
-                .map_err(|e| Error::Internal(format!("cannot start {name} threads: {e}")))
-        };
-        let (pool, trainers) = (pool("fuse")?, pool("train")?);
-        let surface = Surface::new(&config);
-        let store = Store {
-            unit_m: lattice.unit_m,
-            cell_m: lattice.size_m(lattice.cell),
-            ..Store::default()
-        };
-        Ok(Self {
-            topology: Topology::new(lattice.unit_m, lattice.brick),
-            surface,
-            store,
-            key_frames: KeyFrames::new(&config),
-            schedule: Schedule::new(&config),
-            backend: Box::new(CpuBackend::new(&config, trainers.clone())?),
-            learned: Vec::new(),
-            no_prior: Vec::new(),
-            pool,
-            trainers,
-            config: Arc::new(config),
-            idle_steps: 0,
-            changed: false,
-            stats: MapStats::default(),
-            newest_stamp_ns: 0,
-            changed_rows: Vec::new(),
-            changed_bricks: Vec::new(),
-        })
-    }
-
     /// The map's settings.
     pub fn config(&self) -> &MapConfig {
         &self.config

@@ -1,6 +1,7 @@
 //! The map: [`Mapper`] takes frames and publishes [`MapView`]s; a view answers questions.
 
 mod budget;
+mod empty;
 mod mapper;
 mod mesh;
 mod pages;

@@ -5,12 +5,12 @@ use std::time::Instant;
 
 use tonic::{Request, Response, Status};
 
-use crate::service::Service;
+use crate::service::{PointsQuestion, Service};
 use crate::wire::v1::maps_server::Maps;
 use crate::wire::v1::query_server::Query;
 use crate::wire::{
-    PointsQuestion, map_list_to_wire, map_stats_to_wire, points_reply_to_wire, status_from_error,
-    v1,
+    map_detail_to_wire, map_list_to_wire, map_reset_to_wire, map_stats_to_wire,
+    points_reply_to_wire, status_from_error, v1,
 };
 
 /// `orenx.v1.Query` and `orenx.v1.Maps`: messages in, verbs, messages out.
@@ -33,8 +33,7 @@ impl Query for Edge {
     ) -> Result<Response<v1::QueryPointsReply>, Status> {
         let answer = async {
             let question = PointsQuestion::try_from(request.into_inner())?;
-            let PointsQuestion { map_id, points, fields, min_epoch } = question;
-            self.service.query_points(&map_id, points, fields, min_epoch).await
+            self.service.query_points(question).await
         };
         let reply = answer.await.map_err(|e| status_from_error(&e))?;
         Ok(Response::new(points_reply_to_wire(reply)))
@@ -49,6 +48,31 @@ impl Maps for Edge {
     ) -> Result<Response<v1::ListMapsReply>, Status> {
         let started = Instant::now();
         Ok(Response::new(map_list_to_wire(self.service.list_maps(), started.elapsed())))
+    }
+
+    async fn get_map(
+        &self,
+        request: Request<v1::GetMapRequest>,
+    ) -> Result<Response<v1::GetMapReply>, Status> {
+        let started = Instant::now();
+        let detail = self
+            .service
+            .map_detail(&request.into_inner().map_id)
+            .map_err(|e| status_from_error(&e))?;
+        Ok(Response::new(map_detail_to_wire(detail, started.elapsed())))
+    }
+
+    async fn reset_map(
+        &self,
+        request: Request<v1::ResetMapRequest>,
+    ) -> Result<Response<v1::ResetMapReply>, Status> {
+        let started = Instant::now();
+        let emptied = self
+            .service
+            .reset_map(&request.into_inner().map_id)
+            .await
+            .map_err(|e| status_from_error(&e))?;
+        Ok(Response::new(map_reset_to_wire(emptied, started.elapsed())))
     }
 
     async fn get_map_stats(

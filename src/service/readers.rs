@@ -13,6 +13,7 @@ use std::thread::JoinHandle;
 use glam::Vec3;
 use tokio::sync::oneshot;
 
+use super::question::Fill;
 use crate::error::{Error, Result};
 use crate::map::{Fields, MapView, PointAnswers};
 
@@ -51,9 +52,10 @@ impl Readers {
         view: Arc<MapView>,
         points: Vec<Vec3>,
         fields: Fields,
+        fill: Option<Fill>,
     ) -> Result<PointAnswers> {
         let (done, answer) = oneshot::channel();
-        let question = Arc::new(Question::new(view, points, fields, done));
+        let question = Arc::new(Question::new(view, points, (fields, fill), done));
         self.enter(&question)?;
         let _cancel = CancelOnDrop(&question);
         answer.await.map_err(|_| Error::Unavailable("the server is stopping".into()))?
@@ -152,6 +154,7 @@ struct Question {
     view: Arc<MapView>,
     points: Vec<Vec3>,
     fields: Fields,
+    fill: Option<Fill>,
     chunks: usize,
     cancelled: AtomicBool,
     progress: Mutex<Progress>,
@@ -168,14 +171,14 @@ impl Question {
     fn new(
         view: Arc<MapView>,
         points: Vec<Vec3>,
-        fields: Fields,
+        (fields, fill): (Fields, Option<Fill>),
         done: oneshot::Sender<Result<PointAnswers>>,
     ) -> Self {
         let chunks = points.len().div_ceil(CHUNK).max(1);
         let answered = vec![None; chunks];
         let progress = Progress { taken: 0, answered, left: chunks, done: Some(done) };
         let cancelled = AtomicBool::new(false);
-        Self { view, points, fields, chunks, cancelled, progress: Mutex::new(progress) }
+        Self { view, points, fields, fill, chunks, cancelled, progress: Mutex::new(progress) }
     }
 
     fn progress(&self) -> MutexGuard<'_, Progress> {
@@ -193,7 +196,8 @@ impl Question {
         let mut answers = None;
         if !self.cancelled.load(Relaxed) {
             let end = self.points.len().min((chunk + 1) * CHUNK);
-            answers = Some(evaluate(&self.view, &self.points[chunk * CHUNK..end], self.fields));
+            let points = &self.points[chunk * CHUNK..end];
+            answers = Some(evaluate(&self.view, points, self.fields, self.fill));
         }
         let mut progress = self.progress();
         progress.left -= 1;
@@ -228,9 +232,18 @@ impl Progress {
 }
 
 /// A query whose panic stops this one question and not the server.
-pub(super) fn evaluate(view: &MapView, points: &[Vec3], fields: Fields) -> Result<PointAnswers> {
-    catch_unwind(AssertUnwindSafe(|| view.query(points, fields)))
-        .map_err(|_| Error::Internal("this question made the server fail".into()))
+pub(super) fn evaluate(
+    view: &MapView,
+    points: &[Vec3],
+    fields: Fields,
+    fill: Option<Fill>,
+) -> Result<PointAnswers> {
+    let mut answers = catch_unwind(AssertUnwindSafe(|| view.query(points, fields)))
+        .map_err(|_| Error::Internal("this question made the server fail".into()))?;
+    if let Some(fill) = fill {
+        fill.apply(&mut answers);
+    }
+    Ok(answers)
 }
 
 fn concatenate(parts: Vec<PointAnswers>) -> PointAnswers {
@@ -261,7 +274,7 @@ mod tests {
     ) -> (Arc<Question>, oneshot::Receiver<Result<PointAnswers>>) {
         let (done, answer) = oneshot::channel();
         let points = vec![Vec3::ZERO; points];
-        (Arc::new(Question::new(view.clone(), points, Fields::ALL, done)), answer)
+        (Arc::new(Question::new(view.clone(), points, (Fields::ALL, None), done)), answer)
     }
 
     /// Readers without threads: the test takes their place.
@@ -313,7 +326,8 @@ mod tests {
     async fn threads_answer_and_end() {
         let readers = Readers::start(2, 1 << 20).expect("threads");
         let points = vec![Vec3::ZERO; 3 * CHUNK + 5];
-        let answers = readers.query(empty_view(), points, Fields::ALL).await.expect("an answer");
+        let answers =
+            readers.query(empty_view(), points, Fields::ALL, None).await.expect("an answer");
         assert_eq!((answers.distance.len(), answers.state.len()), (3 * CHUNK + 5, 3 * CHUNK + 5));
         assert_eq!(readers.line.state().points, 0, "their room is given back");
         drop(readers);

@@ -150,6 +150,7 @@ fn reason_to_wire(reason: Reason) -> v1::FrameReason {
         Reason::UnknownMap => v1::FrameReason::UnknownMap,
         Reason::Exhausted => v1::FrameReason::Exhausted,
         Reason::Internal => v1::FrameReason::Internal,
+        Reason::Reset => v1::FrameReason::Reset,
     }
 }
 

@@ -4,10 +4,11 @@ use std::time::Duration;
 
 use super::geometry::{aabb_from_wire, aabb_to_wire, required};
 use super::v1;
-use crate::engine::Reason;
+use crate::config::name_of;
+use crate::engine::{Emptied, Reason};
 use crate::error::Result;
 use crate::map::MapStats;
-use crate::service::{FrameCounts, MapReport, MapSummary};
+use crate::service::{FrameCounts, MapDetail, MapReport, MapSummary};
 
 /// The message of a list.
 pub fn map_list_to_wire(maps: Vec<MapSummary>, spent: Duration) -> v1::ListMapsReply {
@@ -20,6 +21,35 @@ pub fn map_list_to_wire(maps: Vec<MapSummary>, spent: Duration) -> v1::ListMapsR
 /// The list of a message.
 pub fn map_list_from_wire(message: v1::ListMapsReply) -> Vec<MapSummary> {
     message.maps.into_iter().map(summary_from_wire).collect()
+}
+
+/// The message of one map and its settings.
+pub fn map_detail_to_wire(detail: MapDetail, spent: Duration) -> v1::GetMapReply {
+    let MapDetail { summary, config } = detail;
+    v1::GetMapReply {
+        epoch: summary.epoch,
+        newest_stamp_ns: summary.newest_stamp_ns,
+        map: Some(summary_to_wire(summary)),
+        settings: Some(v1::MapSettings {
+            profile: name_of(config.profile),
+            schedule: name_of(config.schedule),
+            prior: name_of(config.prior),
+            r0_m: config.r0_m,
+            max_distance_m: config.max_distance_m,
+            seed: config.seed,
+            memory_mib: config.memory_mib,
+        }),
+        server_us: spent.as_micros() as u64,
+    }
+}
+
+/// The message of what a reset did.
+pub fn map_reset_to_wire(emptied: Emptied, spent: Duration) -> v1::ResetMapReply {
+    v1::ResetMapReply {
+        epoch: emptied.epoch,
+        frames_dropped: emptied.frames_dropped,
+        server_us: spent.as_micros() as u64,
+    }
 }
 
 /// The message of one map's counters.

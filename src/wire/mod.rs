@@ -14,9 +14,12 @@ mod status;
 
 pub use codec::Messages;
 pub use ingest::{FrameSummary, IncomingFrame, ack_to_wire, frame_to_wire};
-pub use maps::{map_list_from_wire, map_list_to_wire, map_stats_from_wire, map_stats_to_wire};
-pub use query::{PointsQuestion, points_question_to_wire, points_reply_to_wire};
-pub use status::{error_from_status, status_from_error};
+pub use maps::{
+    map_detail_to_wire, map_list_from_wire, map_list_to_wire, map_reset_to_wire,
+    map_stats_from_wire, map_stats_to_wire,
+};
+pub use query::{points_question_to_wire, points_reply_to_wire};
+pub use status::{Codes, error_from_status, status_from_error};
 
 /// The largest message that is read or written, bytes. A raw 720p depth and color pair takes 4.6 MB,
 /// a million points with every column 21 MB.

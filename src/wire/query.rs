@@ -7,41 +7,25 @@ use glam::Vec3;
 use super::v1;
 use crate::error::{Error, Result};
 use crate::map::{Fields, PointAnswers};
-use crate::service::PointsReply;
+use crate::service::{PointsQuestion, PointsReply, Unknown, UnknownPolicy, points_of};
 
-/// A checked question: whole, finite points and known columns. How many points are too many is for
-/// the service to say.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PointsQuestion {
-    pub map_id: String,
-    pub points: Vec<Vec3>,
-    pub fields: Fields,
-    pub min_epoch: u64,
-}
-
+/// Shape and names are checked here, as they are of the message; the rest where every transport's
+/// questions are.
 impl TryFrom<v1::QueryPointsRequest> for PointsQuestion {
     type Error = Error;
 
     fn try_from(message: v1::QueryPointsRequest) -> Result<Self> {
-        let numbers = &message.points_m;
-        if !numbers.len().is_multiple_of(3) {
-            return Err(Error::invalid(
-                "points_m",
-                format!("{} numbers are no whole points of x, y, z", numbers.len()),
-            ));
-        }
-        if let Some(at) = numbers.iter().position(|n| !n.is_finite()) {
-            let axis = ["x", "y", "z"][at % 3];
-            return Err(Error::invalid(
-                format!("points_m[{}].{axis}", at / 3),
-                format!("{} must be finite", numbers[at]),
-            ));
-        }
         Ok(Self {
+            points: points_of(&message.points_m)?,
             fields: fields_from_wire(&message.fields)?,
-            points: numbers.chunks_exact(3).map(Vec3::from_slice).collect(),
+            unknown: Unknown {
+                policy: policy_from_wire(message.unknown_policy)?,
+                distance_m: message.unknown_distance_m,
+            },
             map_id: message.map_id,
+            frame_id: message.frame_id,
             min_epoch: message.min_epoch,
+            max_age: (message.max_age_ms > 0).then(|| Duration::from_millis(message.max_age_ms)),
         })
     }
 }
@@ -60,6 +44,31 @@ pub fn points_question_to_wire(question: &PointsQuestion) -> v1::QueryPointsRequ
         points_m: flat(&question.points),
         fields: named.iter().filter(|(asked, _)| *asked).map(|(_, f)| (*f).into()).collect(),
         min_epoch: question.min_epoch,
+        // At least 1: a limit of 0 would read as none.
+        max_age_ms: question.max_age.map_or(0, |age| (age.as_millis() as u64).max(1)),
+        unknown_policy: policy_to_wire(question.unknown.policy).into(),
+        unknown_distance_m: question.unknown.distance_m,
+        frame_id: question.frame_id.clone(),
+    }
+}
+
+fn policy_from_wire(policy: i32) -> Result<UnknownPolicy> {
+    match v1::UnknownPolicy::try_from(policy) {
+        Ok(v1::UnknownPolicy::Report) => Ok(UnknownPolicy::Report),
+        Ok(v1::UnknownPolicy::Free) => Ok(UnknownPolicy::Free),
+        Ok(v1::UnknownPolicy::Occupied) => Ok(UnknownPolicy::Occupied),
+        Err(_) => Err(Error::invalid(
+            "unknown_policy",
+            format!("{policy} is none of REPORT, FREE, OCCUPIED"),
+        )),
+    }
+}
+
+fn policy_to_wire(policy: UnknownPolicy) -> v1::UnknownPolicy {
+    match policy {
+        UnknownPolicy::Report => v1::UnknownPolicy::Report,
+        UnknownPolicy::Free => v1::UnknownPolicy::Free,
+        UnknownPolicy::Occupied => v1::UnknownPolicy::Occupied,
     }
 }
 
@@ -129,14 +138,22 @@ mod tests {
         fn questions()(
             points in prop::collection::vec(prop::array::uniform3(-1e6f32..1e6), 0..40),
             (distance, gradient, occupancy) in (any::<bool>(), any::<bool>(), any::<bool>()),
-            min_epoch in any::<u64>(),
+            (min_epoch, max_age_ms) in (any::<u64>(), prop::option::of(1..u64::MAX)),
+            policy in prop::sample::select(vec![
+                UnknownPolicy::Report, UnknownPolicy::Free, UnknownPolicy::Occupied,
+            ]),
+            distance_m in prop::option::of(-1e6f32..1e6),
+            frame_id in "[a-z]{0,9}",
         ) -> PointsQuestion {
             PointsQuestion {
                 map_id: "default".into(),
+                frame_id,
                 points: points.into_iter().map(Vec3::from).collect(),
                 // No field at all means every field, so one is always asked for.
                 fields: Fields { distance, gradient, occupancy, state: true },
                 min_epoch,
+                max_age: max_age_ms.map(Duration::from_millis),
+                unknown: Unknown { policy, distance_m },
             }
         }
     }
@@ -180,9 +197,10 @@ mod tests {
         #[test]
         fn noise_does_no_harm(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
             if let Ok(message) = v1::QueryPointsRequest::decode(bytes.as_slice())
+                && let numbers = message.points_m.len()
                 && let Ok(question) = PointsQuestion::try_from(message)
             {
-                prop_assert!(question.points.iter().all(|p| p.is_finite()));
+                prop_assert_eq!(question.points.len() * 3, numbers);
             }
         }
     }
@@ -192,5 +210,7 @@ mod tests {
         assert_eq!(fields_from_wire(&[]).expect("fine"), Fields::ALL);
         let error = fields_from_wire(&[0]).expect_err("unspecified").to_string();
         assert!(error.starts_with("fields[0]: 0"), "{error}");
+        let error = policy_from_wire(3).expect_err("no such policy").to_string();
+        assert!(error.starts_with("unknown_policy: 3"), "{error}");
     }
 }

@@ -1,21 +1,34 @@
-//! The one table between our outcomes and gRPC codes.
+//! The one table between our outcomes and the codes of every transport.
 
 use tonic::Code;
 
 use crate::error::{Error, Status};
 
+/// What a class of outcomes is called on each transport: one row of the table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Codes {
+    pub grpc: Code,
+}
+
+impl Codes {
+    /// The row of a class.
+    pub const fn of(status: Status) -> Self {
+        let grpc = match status {
+            Status::InvalidArgument => Code::InvalidArgument,
+            Status::NotFound => Code::NotFound,
+            Status::ResourceExhausted => Code::ResourceExhausted,
+            Status::FailedPrecondition => Code::FailedPrecondition,
+            Status::Unavailable => Code::Unavailable,
+            Status::DataLoss => Code::DataLoss,
+            Status::Internal => Code::Internal,
+        };
+        Self { grpc }
+    }
+}
+
 /// A gRPC status with the error's own words.
 pub fn status_from_error(error: &Error) -> tonic::Status {
-    let code = match error.status() {
-        Status::InvalidArgument => Code::InvalidArgument,
-        Status::NotFound => Code::NotFound,
-        Status::ResourceExhausted => Code::ResourceExhausted,
-        Status::FailedPrecondition => Code::FailedPrecondition,
-        Status::Unavailable => Code::Unavailable,
-        Status::DataLoss => Code::DataLoss,
-        Status::Internal => Code::Internal,
-    };
-    tonic::Status::new(code, error.to_string())
+    tonic::Status::new(Codes::of(error.status()).grpc, error.to_string())
 }
 
 /// The error of a gRPC status: what a client's caller sees.

@@ -2,6 +2,7 @@
 
 mod frames;
 mod lifecycle;
+mod maps;
 mod protocol;
 mod questions;
 

@@ -1,0 +1,78 @@
+//! The empty map: how every map begins, and what a reset leaves.
+
+use std::sync::Arc;
+
+use rayon::ThreadPool;
+
+use super::mapper::{MapStats, Mapper};
+use super::view::Store;
+use crate::backend::CpuBackend;
+use crate::config::MapConfig;
+use crate::error::{Error, Result};
+use crate::octree::Topology;
+use crate::surface::{Lattice, Surface};
+use crate::train::{KeyFrames, Schedule};
+
+impl Mapper {
+    /// An empty map, trained on one thread a core.
+    pub fn new(config: MapConfig) -> Result<Self> {
+        Self::with_threads(config, 0)
+    }
+
+    /// An empty map, trained on `threads` threads; 0 is one a core.
+    pub fn with_threads(config: MapConfig, threads: usize) -> Result<Self> {
+        let pool = |name: &'static str| {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .thread_name(move |i| format!("orenx-{name}-{i}"))
+                .build()
+                .map(Arc::new)
+                .map_err(|e| Error::Internal(format!("cannot start {name} threads: {e}")))
+        };
+        Self::with_pools(Arc::new(config), pool("fuse")?, pool("train")?)
+    }
+
+    /// Forgets everything and keeps the settings and the threads. The next publication is of an
+    /// epoch after the last one, so that a reader sees that the map has changed.
+    pub fn reset(&mut self) -> Result<()> {
+        let empty =
+            Self::with_pools(self.config.clone(), self.pool.clone(), self.trainers.clone())?;
+        let epoch = self.stats.epoch;
+        *self = empty;
+        self.stats.epoch = epoch;
+        self.changed = true;
+        Ok(())
+    }
+
+    fn with_pools(
+        config: Arc<MapConfig>,
+        pool: Arc<ThreadPool>,
+        trainers: Arc<ThreadPool>,
+    ) -> Result<Self> {
+        let lattice = Lattice::new(&config);
+        let store = Store {
+            unit_m: lattice.unit_m,
+            cell_m: lattice.size_m(lattice.cell),
+            ..Store::default()
+        };
+        Ok(Self {
+            topology: Topology::new(lattice.unit_m, lattice.brick),
+            surface: Surface::new(&config),
+            store,
+            key_frames: KeyFrames::new(&config),
+            schedule: Schedule::new(&config),
+            backend: Box::new(CpuBackend::new(&config, trainers.clone())?),
+            learned: Vec::new(),
+            no_prior: Vec::new(),
+            pool,
+            trainers,
+            config,
+            idle_steps: 0,
+            changed: false,
+            stats: MapStats::default(),
+            newest_stamp_ns: 0,
+            changed_rows: Vec::new(),
+            changed_bricks: Vec::new(),
+        })
+    }
+}
