@@ -5,10 +5,12 @@ use std::pin::Pin;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
-use tonic::Status;
 use tonic::codegen::http::{HeaderMap, Request, Response};
 use tower_layer::Layer;
 use tower_service::Service;
+
+use crate::error::Error;
+use crate::wire::status_from_error;
 
 /// The header in which a client says how long it will wait: digits and a unit, as in `250m`.
 const TIMEOUT: &str = "grpc-timeout";
@@ -53,8 +55,8 @@ where
         let answer = tokio::time::timeout(left, self.0.call(request));
         Box::pin(async move {
             answer.await.unwrap_or_else(|_| {
-                let status = Status::deadline_exceeded(format!("no answer within {left:?}"));
-                Ok(status.into_http())
+                let late = Error::DeadlineExceeded(format!("no answer within {left:?}"));
+                Ok(status_from_error(&late).into_http())
             })
         })
     }
@@ -82,6 +84,7 @@ fn time_left(headers: &HeaderMap) -> Option<Duration> {
 
 #[cfg(test)]
 mod tests {
+    use tonic::Status;
     use tonic::codegen::http::HeaderValue;
 
     use super::*;

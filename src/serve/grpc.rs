@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use tonic::{Request, Response, Status};
 
-use crate::service::{PointsQuestion, Service};
+use crate::service::{Call, PointsQuestion, Service};
 use crate::wire::v1::maps_server::Maps;
 use crate::wire::v1::query_server::Query;
 use crate::wire::{
@@ -33,7 +33,7 @@ impl Query for Edge {
     ) -> Result<Response<v1::QueryPointsReply>, Status> {
         let answer = async {
             let question = PointsQuestion::try_from(request.into_inner())?;
-            self.service.query_points(question).await
+            self.service.query_points(question, Call::GrpcQueryPoints).await
         };
         let reply = answer.await.map_err(|e| status_from_error(&e))?;
         Ok(Response::new(points_reply_to_wire(reply)))

@@ -2,6 +2,10 @@
 
 mod deadline;
 mod grpc;
+mod http;
+mod listeners;
 mod run;
 
+pub use http::Door;
+pub use listeners::Listeners;
 pub use run::run;

@@ -58,11 +58,8 @@ impl Columns {
         let kind = if size_of::<T>() == 1 { "u8" } else { "f32" };
         let comma = if self.header.is_empty() { "" } else { ", " };
         // Writing to a string cannot fail.
-        let _ = write!(
-            self.header,
-            "{comma}{name};type={kind};width={width};offset={}",
-            self.offset
-        );
+        let _ =
+            write!(self.header, "{comma}{name};type={kind};width={width};offset={}", self.offset);
         let part = Bytes::from_owner(AsBytes(values));
         self.offset += part.len();
         self.parts.push(part);

@@ -11,18 +11,13 @@ use axum::response::{IntoResponse, Response};
 
 use super::Edge;
 use super::refusal::Refusal;
-use crate::error::{Error, Status};
-use crate::wire::http_status;
+use crate::error::Error;
 
 /// The header in which a client says how long it will wait, ms.
 pub(super) const TIMEOUT: &str = "orenx-timeout-ms";
 
 /// Counts a request whatever becomes of it: one that is dropped belongs to a client that left.
-pub(super) async fn guard(
-    State(edge): State<Arc<Edge>>,
-    request: Request,
-    next: Next,
-) -> Response {
+pub(super) async fn guard(State(edge): State<Arc<Edge>>, request: Request, next: Next) -> Response {
     let route = request.extensions().get::<MatchedPath>().map(|path| path.as_str().to_owned());
     let count = edge.requests.begin(route.as_deref());
     let response = admit(&edge, route.as_deref(), request, next)
@@ -42,12 +37,14 @@ async fn admit(
     let patience = patience(request.headers(), edge.limits.request_time)?;
     // Probes and metrics must answer when nothing else does.
     let _place = match route {
-        Some(route) if route.starts_with("/v1/") => Some(edge.places.try_acquire().map_err(|_| {
-            Refusal::from(Error::ResourceExhausted {
-                what: "requests under way".into(),
-                limit: format!("the limit is {}", edge.limits.requests),
-            })
-        })?),
+        Some(route) if route.starts_with("/v1/") => {
+            Some(edge.places.try_acquire().map_err(|_| {
+                Refusal::from(Error::ResourceExhausted {
+                    what: "requests under way".into(),
+                    limit: format!("the limit is {}", edge.limits.requests),
+                })
+            })?)
+        }
         _ => None,
     };
     if patience.is_zero() {
@@ -57,9 +54,7 @@ async fn admit(
 }
 
 fn late(patience: Duration) -> Refusal {
-    let (status, code) = http_status(Status::DeadlineExceeded);
-    let status = StatusCode::from_u16(status).unwrap_or(StatusCode::GATEWAY_TIMEOUT);
-    Refusal::new(status, code, format!("no answer within {patience:?}"))
+    Error::DeadlineExceeded(format!("no answer within {patience:?}")).into()
 }
 
 fn check_headers(request: &Request, limit: usize) -> Result<(), Refusal> {

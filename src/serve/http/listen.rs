@@ -27,7 +27,6 @@ const MAX_HEADERS: usize = 100;
 const BUFFER_BYTES: usize = 256 << 10;
 
 /// An open HTTP port. It answers from the start, with 503 until it is given a service.
-#[derive(Debug)]
 pub struct Door {
     address: SocketAddr,
     edge: Arc<Edge>,

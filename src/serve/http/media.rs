@@ -70,7 +70,7 @@ fn weight(likes: &[(String, f32)], media: Media) -> f32 {
     ["*/*", "application/*", media.name()]
         .iter()
         .filter_map(|range| likes.iter().find(|(like, _)| like == range))
-        .last()
+        .next_back()
         .map_or(0.0, |(_, weight)| *weight)
 }
 

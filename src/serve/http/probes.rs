@@ -46,12 +46,8 @@ pub(super) struct Well {
 #[utoipa::path(get, path = "/", tag = "server",
     responses((status = 200, description = "What this is.", body = About), super::openapi::Any))]
 pub(super) async fn about() -> Result<Response, Refusal> {
-    let links = Links {
-        openapi: "/openapi.json",
-        maps: "/v1/maps",
-        metrics: "/metrics",
-        ready: "/readyz",
-    };
+    let links =
+        Links { openapi: "/openapi.json", maps: "/v1/maps", metrics: "/metrics", ready: "/readyz" };
     json(&About { name: env!("CARGO_PKG_NAME"), version: env!("CARGO_PKG_VERSION"), links })
 }
 

@@ -8,7 +8,7 @@ use serde::Serialize;
 use utoipa::ToSchema;
 
 use crate::error::Error;
-use crate::wire::http_status;
+use crate::wire::Codes;
 
 /// Seconds after which a client may try again what failed for now.
 const RETRY_AFTER_S: HeaderValue = HeaderValue::from_static("1");
@@ -24,22 +24,22 @@ pub(super) struct Refusal {
 
 /// What every error looks like.
 #[derive(Debug, Serialize, ToSchema)]
-pub(super) struct ErrorReply<'a> {
-    error: Problem<'a>,
+pub(super) struct ErrorReply {
+    error: Problem,
 }
 
 /// What went wrong, for programs and for people.
 #[derive(Debug, Serialize, ToSchema)]
-struct Problem<'a> {
+struct Problem {
     /// The class of the failure, in the names of gRPC where it has one.
-    #[schema(example = "INVALID_ARGUMENT")]
-    code: &'a str,
+    #[schema(value_type = String, example = "INVALID_ARGUMENT")]
+    code: &'static str,
     /// The input at fault, as in `points_m[3].x`; absent where none is.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(nullable = false)]
-    field: Option<&'a str>,
+    #[schema(value_type = String, required = false)]
+    field: Option<String>,
     /// What is wrong, with the limit that it broke.
-    message: &'a str,
+    message: String,
 }
 
 impl Refusal {
@@ -75,27 +75,27 @@ impl Refusal {
 
 impl From<Error> for Refusal {
     fn from(error: Error) -> Self {
-        let (status, code) = http_status(error.status());
+        let codes = Codes::of(error.status());
         let message = error.to_string();
         let field = match error {
             Error::InvalidArgument { field, .. } => Some(field),
             _ => None,
         };
-        let status = StatusCode::from_u16(status).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
-        Self { status, code, field, message }
+        let status = StatusCode::from_u16(codes.http).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
+        Self { status, code: codes.name, field, message }
     }
 }
 
 impl IntoResponse for Refusal {
     fn into_response(self) -> Response {
-        let problem =
-            Problem { code: self.code, field: self.field.as_deref(), message: &self.message };
+        let Self { status, code, field, message } = self;
         // Strings always serialise.
-        let body = serde_json::to_vec(&ErrorReply { error: problem }).unwrap_or_default();
-        let mut response = (self.status, body).into_response();
+        let reply = ErrorReply { error: Problem { code, field, message } };
+        let body = serde_json::to_vec(&reply).unwrap_or_default();
+        let mut response = (status, body).into_response();
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, super::JSON);
-        if matches!(self.status, StatusCode::TOO_MANY_REQUESTS | StatusCode::SERVICE_UNAVAILABLE) {
+        if matches!(status, StatusCode::TOO_MANY_REQUESTS | StatusCode::SERVICE_UNAVAILABLE) {
             headers.insert(header::RETRY_AFTER, RETRY_AFTER_S);
         }
         response
