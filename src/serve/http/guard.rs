@@ -47,9 +47,6 @@ async fn admit(
         }
         _ => None,
     };
-    if patience.is_zero() {
-        return Err(late(patience));
-    }
     tokio::time::timeout(patience, next.run(request)).await.map_err(|_| late(patience))
 }
 
@@ -72,8 +69,10 @@ fn check_headers(request: &Request, limit: usize) -> Result<(), Refusal> {
 fn patience(headers: &HeaderMap, most: Duration) -> Result<Duration, Refusal> {
     let Some(value) = headers.get(TIMEOUT) else { return Ok(most) };
     let digits = value.to_str().ok().filter(|text| text.bytes().all(|b| b.is_ascii_digit()));
-    let ms = digits.and_then(|text| text.parse::<u64>().ok()).ok_or_else(|| {
-        Error::invalid(TIMEOUT, format!("{value:?} must be a whole number of milliseconds"))
+    let ms = digits.and_then(|text| text.parse::<u64>().ok()).filter(|ms| *ms > 0);
+    let ms = ms.ok_or_else(|| {
+        let problem = format!("{value:?} must be a whole number of milliseconds, at least 1");
+        Error::invalid(TIMEOUT, problem)
     })?;
     Ok(Duration::from_millis(ms).min(most))
 }
@@ -94,9 +93,8 @@ mod tests {
         };
         assert_eq!(patience(&HeaderMap::new(), most).ok(), Some(most));
         assert_eq!(read("250"), Some(Duration::from_millis(250)));
-        assert_eq!(read("0"), Some(Duration::ZERO));
         assert_eq!(read("18446744073709551615"), Some(most));
-        for wrong in ["", "-1", "+1", "1.5", "1 s", "18446744073709551616"] {
+        for wrong in ["", "0", "-1", "+1", "1.5", "1 s", "18446744073709551616"] {
             assert_eq!(read(wrong), None, "{wrong}");
         }
     }

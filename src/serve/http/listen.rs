@@ -29,7 +29,7 @@ const BUFFER_BYTES: usize = 256 << 10;
 /// An open HTTP port. It answers from the start, with 503 until it is given a service.
 pub struct Door {
     address: SocketAddr,
-    edge: Arc<Edge>,
+    pub(super) edge: Arc<Edge>,
     close: watch::Sender<bool>,
     task: JoinHandle<()>,
 }

@@ -11,7 +11,7 @@ use utoipa::ToSchema;
 
 use super::openapi::{self, MapRefusals};
 use super::refusal::Refusal;
-use super::{Edge, MapId, json};
+use super::{Edge, MapId, json, schemas};
 use crate::config::name_of;
 use crate::engine::Reason;
 use crate::service::{MapSummary, Service};
@@ -33,6 +33,7 @@ struct Map {
     /// The capture time of its newest frame, Unix ns.
     newest_stamp_ns: i64,
     /// Around everything observed; null while the map is empty.
+    #[schema(required = true)]
     bounds: Option<Bounds>,
     /// The fields that the map holds: "sdf", "occupancy", …
     modalities: Vec<String>,
@@ -41,9 +42,9 @@ struct Map {
 /// A box, world metres.
 #[derive(Debug, Serialize, ToSchema)]
 struct Bounds {
-    #[schema(schema_with = openapi::triple)]
+    #[schema(schema_with = schemas::triple)]
     min: [f32; 3],
-    #[schema(schema_with = openapi::triple)]
+    #[schema(schema_with = schemas::triple)]
     max: [f32; 3],
 }
 

@@ -14,6 +14,7 @@ mod points;
 mod probes;
 mod refusal;
 mod requests;
+mod schemas;
 mod stall;
 
 use std::sync::{Arc, OnceLock};
@@ -145,3 +146,6 @@ fn json(answer: &impl Serialize) -> Result<Response, Refusal> {
         .map_err(|e| Error::Internal(format!("an answer did not become JSON: {e}")))?;
     Ok(([(header::CONTENT_TYPE, JSON)], body).into_response())
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,15 +4,11 @@ use std::collections::BTreeMap;
 
 use bytes::Bytes;
 use serde_json::json;
-use utoipa::openapi::schema::{ArrayBuilder, KnownFormat, SchemaFormat, SchemaType, Type};
-use utoipa::openapi::{
-    ContentBuilder, ObjectBuilder, Ref, RefOr, Response, ResponseBuilder, Schema,
-};
+use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
 use utoipa::{IntoParams, IntoResponses, OpenApi, ToSchema};
 
 use super::limits::Limits;
-use super::{maps, points, probes, refusal};
-use crate::service::MAP_FRAME;
+use super::{maps, points, probes, refusal, schemas};
 
 #[derive(OpenApi)]
 #[openapi(
@@ -78,61 +74,8 @@ pub(super) struct MapPath {
 #[expect(dead_code, reason = "stands for a header in the document")]
 pub(super) struct Timeout {
     /// How long the client will wait, ms. After that the answer is DEADLINE_EXCEEDED.
-    #[param(rename = "orenx-timeout-ms", schema_with = timeout)]
+    #[param(rename = "orenx-timeout-ms", schema_with = schemas::timeout)]
     timeout_ms: Option<u64>,
-}
-
-fn timeout() -> Schema {
-    let number = ObjectBuilder::new().schema_type(SchemaType::new(Type::Integer));
-    number.minimum(Some(0)).into()
-}
-
-fn number() -> ObjectBuilder {
-    ObjectBuilder::new()
-        .schema_type(SchemaType::new(Type::Number))
-        .format(Some(SchemaFormat::KnownFormat(KnownFormat::Float)))
-}
-
-fn number_or_null() -> ObjectBuilder {
-    number().schema_type(SchemaType::from_iter([Type::Number, Type::Null]))
-}
-
-fn three(of: ObjectBuilder) -> ArrayBuilder {
-    ArrayBuilder::new().items(of).min_items(Some(3)).max_items(Some(3))
-}
-
-/// x, y, z.
-pub(super) fn triple() -> Schema {
-    three(number()).into()
-}
-
-/// Any number of x, y, z that a single float can hold.
-pub(super) fn points() -> Schema {
-    let bound = f64::from(f32::MAX);
-    let number = number().minimum(Some(-bound)).maximum(Some(bound));
-    ArrayBuilder::new().items(three(number)).into()
-}
-
-pub(super) fn gradients() -> Schema {
-    ArrayBuilder::new().items(three(number_or_null())).into()
-}
-
-pub(super) fn numbers() -> Schema {
-    ArrayBuilder::new().items(number_or_null()).into()
-}
-
-pub(super) fn states() -> Schema {
-    let state = ObjectBuilder::new().schema_type(SchemaType::new(Type::Integer));
-    ArrayBuilder::new().items(state.enum_values(Some([0, 1, 2]))).into()
-}
-
-pub(super) fn frame_id() -> Schema {
-    let name = ObjectBuilder::new().schema_type(SchemaType::new(Type::String));
-    name.enum_values(Some(["", MAP_FRAME])).into()
-}
-
-pub(super) fn unknown_distance() -> Schema {
-    number().exclusive_minimum(Some(0.0)).maximum(Some(crate::geometry::MAX_COORDINATE_M)).into()
 }
 
 /// What any path may answer instead.

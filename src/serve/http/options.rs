@@ -7,8 +7,8 @@ use percent_encoding::percent_decode_str;
 use serde::Deserialize;
 use utoipa::{IntoParams, ToSchema};
 
-use super::openapi;
 use super::refusal::Refusal;
+use super::schemas;
 use crate::error::Error;
 use crate::map::Fields;
 use crate::service::{PointsQuestion, Unknown, UnknownPolicy};
@@ -37,21 +37,19 @@ pub(super) enum Policy {
 #[derive(Debug, Clone, Default, PartialEq, IntoParams)]
 #[into_params(parameter_in = Query)]
 pub(super) struct Options {
-    /// The frame of the points: "map", the world of the poses.
-    #[param(schema_with = openapi::frame_id)]
+    #[param(schema_with = schemas::text::frame_id)]
     pub(super) frame_id: Option<String>,
     /// The columns to answer, with commas between them; none means all of them.
     #[param(style = Form, explode = false)]
     pub(super) fields: Option<Vec<Field>>,
-    /// Fails with FAILED_PRECONDITION if the newest epoch is older.
+    #[param(schema_with = schemas::text::min_epoch)]
     pub(super) min_epoch: Option<u64>,
-    /// Fails with FAILED_PRECONDITION if the newest frame came longer ago, ms. 0: any age.
+    #[param(schema_with = schemas::text::max_age)]
     pub(super) max_age_ms: Option<u64>,
     /// What stands in the columns of numbers where a point is unknown.
     #[param(inline)]
     pub(super) unknown_policy: Option<Policy>,
-    /// The distance of unknown points under `free` and `occupied`, m.
-    #[param(schema_with = openapi::unknown_distance)]
+    #[param(schema_with = schemas::text::unknown_distance)]
     pub(super) unknown_distance_m: Option<f32>,
 }
 

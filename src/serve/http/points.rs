@@ -17,7 +17,7 @@ use super::media::Media;
 use super::openapi::{self, PointRefusals};
 use super::options::{Field, Options, Policy};
 use super::refusal::Refusal;
-use super::{Edge, JSON, MapId};
+use super::{Edge, JSON, MapId, schemas};
 use crate::error::Error;
 use crate::map::Fields;
 use crate::service::{Call, PointsReply};
@@ -32,25 +32,19 @@ const JSON_ANSWER_BYTES: usize = 64;
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PointsRequest {
-    /// [x, y, z] of each point, world metres.
-    #[schema(schema_with = openapi::points)]
+    #[schema(schema_with = schemas::points)]
     points_m: Vec<Vec3>,
-    /// The frame of the points: "map", the world of the poses.
-    #[schema(schema_with = openapi::frame_id)]
+    #[schema(schema_with = schemas::body::frame_id)]
     frame_id: Option<String>,
     /// The columns to answer; none means all of them.
     fields: Option<Vec<Field>>,
-    /// Fails with FAILED_PRECONDITION if the newest epoch is older; an INTEGRATED ack says which
-    /// epoch holds a frame.
+    #[schema(schema_with = schemas::body::min_epoch)]
     min_epoch: Option<u64>,
-    /// Fails with FAILED_PRECONDITION if the newest frame of that epoch came to the server longer
-    /// ago than this, ms. 0: any age.
+    #[schema(schema_with = schemas::body::max_age)]
     max_age_ms: Option<u64>,
     /// What stands in the columns of numbers where a point is unknown.
     unknown_policy: Option<Policy>,
-    /// The distance of unknown points under `free` (as it is) and `occupied` (negative), m. Left
-    /// out: as far as the map's distances reach. Refused under `report`.
-    #[schema(schema_with = openapi::unknown_distance)]
+    #[schema(schema_with = schemas::body::unknown_distance)]
     unknown_distance_m: Option<f32>,
 }
 
@@ -58,28 +52,23 @@ pub(super) struct PointsRequest {
 /// absent.
 #[derive(Debug, Serialize, ToSchema)]
 pub(super) struct PointsAnswer {
-    /// The epoch that answered, and the capture time of its newest frame, Unix ns.
+    /// The epoch that answered.
     epoch: u64,
+    /// The capture time of its newest frame, Unix ns.
     newest_stamp_ns: i64,
     /// Time spent in the server, microseconds.
     server_us: u64,
-    /// Signed distance to the nearest surface, m: positive outside, negative inside; null where
-    /// unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(schema_with = openapi::numbers, required = false)]
+    #[schema(schema_with = schemas::distances, required = false)]
     distance_m: Option<Vec<f32>>,
-    /// [x, y, z] of the gradient of the distance, towards increasing distance, world axes, unitless;
-    /// three nulls where unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(schema_with = openapi::gradients, required = false)]
+    #[schema(schema_with = schemas::gradients, required = false)]
     gradient: Option<Vec<Vec3>>,
-    /// Probability that the point is occupied; null where unknown.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(schema_with = openapi::numbers, required = false)]
+    #[schema(schema_with = schemas::occupancies, required = false)]
     occupancy: Option<Vec<f32>>,
-    /// 0 unknown: never observed, or outside of the map; 1 free; 2 occupied.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(schema_with = openapi::states, required = false)]
+    #[schema(schema_with = schemas::states, required = false)]
     state: Option<Vec<u8>>,
 }
 
