@@ -164,6 +164,13 @@ fn header_cases() -> Vec<Case> {
             "accept",
             &["application/json"],
         ),
+        other(
+            "another site",
+            post(&[JSON, ("origin", "http://evil.example")]),
+            (403, "PERMISSION_DENIED"),
+            "origin",
+            &["evil.example"],
+        ),
         other("a time of text", post(&[JSON, (time, "soon")]), invalid, time, &["soon", "milli"]),
         other("no time", post(&[JSON, (time, "0")]), invalid, time, &["0", "at least 1"]),
         other(

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
@@ -34,6 +34,7 @@ async fn admit(
     next: Next,
 ) -> Result<Response, Refusal> {
     check_headers(&request, edge.limits.header_bytes)?;
+    check_origin(request.headers())?;
     let patience = patience(request.headers(), edge.limits.request_time)?;
     // Probes and metrics must answer when nothing else does.
     let _place = match route {
@@ -65,6 +66,21 @@ fn check_headers(request: &Request, limit: usize) -> Result<(), Refusal> {
     Ok(())
 }
 
+/// Refuses what a page of another site makes a browser send: it could empty a map behind its user's
+/// back, as long as nobody has to say who they are.
+fn check_origin(headers: &HeaderMap) -> Result<(), Refusal> {
+    let Some(origin) = headers.get(header::ORIGIN) else { return Ok(()) };
+    let site = origin.to_str().ok().and_then(|origin| origin.split_once("://"));
+    let host = headers.get(header::HOST).and_then(|host| host.to_str().ok());
+    match site {
+        Some((_, site)) if Some(site) == host => Ok(()),
+        _ => {
+            let problem = format!("{origin:?} is another site, and those may not ask");
+            Err(Refusal::new(StatusCode::FORBIDDEN, "PERMISSION_DENIED", problem).of("origin"))
+        }
+    }
+}
+
 /// How long the client and we have patience.
 fn patience(headers: &HeaderMap, most: Duration) -> Result<Duration, Refusal> {
     let Some(value) = headers.get(TIMEOUT) else { return Ok(most) };
@@ -82,6 +98,21 @@ mod tests {
     use axum::http::HeaderValue;
 
     use super::*;
+
+    #[test]
+    fn pages_of_other_sites_are_kept_out() {
+        let asks = |origin: Option<&'static str>| {
+            let host = Some((header::HOST, "127.0.0.1:7611"));
+            let origin = origin.map(|origin| (header::ORIGIN, origin));
+            let headers = host.into_iter().chain(origin);
+            let headers = headers.map(|(name, text)| (name, HeaderValue::from_static(text)));
+            check_origin(&headers.collect()).is_ok()
+        };
+        assert!(asks(None) && asks(Some("http://127.0.0.1:7611")));
+        for other in ["http://evil.example", "null", "", "http://127.0.0.1:8000"] {
+            assert!(!asks(Some(other)), "{other}");
+        }
+    }
 
     #[test]
     fn patience_is_the_clients_within_ours() {

@@ -106,7 +106,7 @@ impl IntoResponses for PointRefusals {
 }
 
 fn refusals(statuses: &[u16]) -> BTreeMap<String, RefOr<Response>> {
-    let everywhere = [400, 431, 500, 503, 504];
+    let everywhere = [400, 403, 431, 500, 503, 504];
     let named = |status: &u16| {
         let content =
             ContentBuilder::new().schema(Some(Ref::from_schema_name("ErrorReply"))).build();
@@ -122,6 +122,7 @@ fn refusals(statuses: &[u16]) -> BTreeMap<String, RefOr<Response>> {
 fn meaning(status: u16) -> &'static str {
     match status {
         400 => "INVALID_ARGUMENT: the field and the limit that it broke are in the message.",
+        403 => "PERMISSION_DENIED: a page of another site asks.",
         404 => "NOT_FOUND: no such map.",
         406 => "NOT_ACCEPTABLE: there is no answer in the form that `accept` asks for.",
         408 => "REQUEST_TIMEOUT: the body did not arrive in time.",
