@@ -1,6 +1,7 @@
 //! Generates messages, clients and servers from the `.proto` files, in pure Rust (no protoc).
 
 use std::error::Error;
+use std::path::PathBuf;
 
 const FILES: [&str; 4] = [
     "orenx/v1/geometry.proto",
@@ -11,8 +12,14 @@ const FILES: [&str; 4] = [
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=proto");
-    let descriptors = protox::compile(FILES, ["proto"])?;
+    let mut compiler = protox::Compiler::new(["proto"])?;
+    compiler.include_imports(true).include_source_info(true).open_files(FILES)?;
+    // What reflection tells, comments included.
+    let out = PathBuf::from(std::env::var("OUT_DIR")?);
+    std::fs::write(out.join("orenx.v1.bin"), compiler.encode_file_descriptor_set())?;
     // What does not decode is the sender's fault: `wire` has a codec that says so.
-    tonic_prost_build::configure().codec_path("crate::wire::Messages").compile_fds(descriptors)?;
+    tonic_prost_build::configure()
+        .codec_path("crate::wire::Messages")
+        .compile_fds(compiler.file_descriptor_set())?;
     Ok(())
 }

@@ -12,6 +12,10 @@ pub enum Error {
     /// The caller's input is wrong; `field` names the input and `problem` the limit it broke.
     #[error("{field}: {problem}")]
     InvalidArgument { field: String, problem: String },
+    /// A frame is wrong in a way that has a name of its own; the rest as in
+    /// [`Error::InvalidArgument`].
+    #[error("{field}: {problem}")]
+    Frame { fault: Fault, field: String, problem: String },
     /// The named thing does not exist.
     #[error("{what} not found")]
     NotFound { what: String },
@@ -38,6 +42,25 @@ pub enum Error {
     Internal(String),
 }
 
+/// What is wrong with a frame, in terms that its sender's program can act on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// A number of the pose is NaN or infinite.
+    PoseNotFinite,
+    /// The rotation is none, by more than what rounding explains.
+    PoseNotRigid,
+    /// An image has not the size of its camera.
+    SizeMismatch,
+    /// Depth is off by about a thousand.
+    DepthUnit,
+    /// No camera with this image has such intrinsics.
+    Intrinsics,
+    /// Older than what the same sensor sent before, by more than the limit.
+    TooOld,
+    /// The sequence number does not grow.
+    OutOfOrder,
+}
+
 /// The library's result.
 pub type Result<T> = std::result::Result<T, Error>;
 
@@ -60,6 +83,19 @@ impl Error {
         Self::InvalidArgument { field: field.into(), problem: problem.into() }
     }
 
+    /// A frame's fault: the field and what it must satisfy.
+    pub fn frame(fault: Fault, field: impl Into<String>, problem: impl Into<String>) -> Self {
+        Self::Frame { fault, field: field.into(), problem: problem.into() }
+    }
+
+    /// The input at fault, where one is.
+    pub fn field(&self) -> Option<&str> {
+        match self {
+            Self::InvalidArgument { field, .. } | Self::Frame { field, .. } => Some(field),
+            _ => None,
+        }
+    }
+
     /// A file that the operating system refused.
     pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
         Self::Io { path: path.as_ref().to_path_buf(), source }
@@ -73,7 +109,7 @@ impl Error {
     /// The outcome class.
     pub fn status(&self) -> Status {
         match self {
-            Self::InvalidArgument { .. } => Status::InvalidArgument,
+            Self::InvalidArgument { .. } | Self::Frame { .. } => Status::InvalidArgument,
             Self::NotFound { .. } => Status::NotFound,
             Self::ResourceExhausted { .. } => Status::ResourceExhausted,
             Self::FailedPrecondition(_) => Status::FailedPrecondition,

@@ -1,11 +1,16 @@
 //! A posed RGB-D frame and the checks it must pass before it can touch a map.
 
+mod check;
+mod unit;
+
 use std::sync::Arc;
 
 use glam::Vec3;
 
-use crate::error::{Error, Result};
-use crate::geometry::{Intrinsics, MAX_COORDINATE_M, Pose};
+use crate::geometry::{Intrinsics, Pose};
+
+pub use check::MAX_NAME_BYTES;
+pub use unit::check_unit;
 
 /// The largest image side that is accepted, pixels.
 pub const MAX_SIDE: u32 = 8192;
@@ -80,83 +85,10 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Checks sizes, intrinsics and pose. A frame without a single valid depth pixel passes: it
-    /// adds nothing and is counted by the mapper.
-    pub fn check(&self) -> Result<()> {
-        let k = &self.intrinsics;
-        if k.width == 0 || k.height == 0 || k.width > MAX_SIDE || k.height > MAX_SIDE {
-            return Err(Error::invalid(
-                "intrinsics.width/height",
-                format!("{}x{} must be within 1..={MAX_SIDE}", k.width, k.height),
-            ));
-        }
-        for (name, value) in [("fx", k.fx), ("fy", k.fy)] {
-            if !(value.is_finite() && value > 1.0 && value < 1e5) {
-                return Err(Error::invalid(
-                    format!("intrinsics.{name}"),
-                    format!("{value} must be a focal length in pixels, within (1, 1e5)"),
-                ));
-            }
-        }
-        for (name, value, side) in [("cx", k.cx, k.width), ("cy", k.cy, k.height)] {
-            let side = f64::from(side);
-            if !(value.is_finite() && value > -side && value < 2.0 * side) {
-                return Err(Error::invalid(
-                    format!("intrinsics.{name}"),
-                    format!("{value} does not fit an image of {side} pixels"),
-                ));
-            }
-        }
-        check_image("depth", self.depth.width, self.depth.height, self.depth.metres.len(), k)?;
-        if let Some(color) = &self.color
-            && color.rgb.len() != color.width as usize * color.height as usize * 3
-        {
-            return Err(Error::invalid(
-                "color.data",
-                format!(
-                    "{} bytes do not make {}x{} RGB pixels",
-                    color.rgb.len(),
-                    color.width,
-                    color.height
-                ),
-            ));
-        }
-        let pose = &self.world_from_camera;
-        if !pose.translation.is_finite() || !pose.rotation.is_finite() {
-            return Err(Error::invalid("world_from_camera", "must be finite"));
-        }
-        if pose.translation.abs().max_element() > MAX_COORDINATE_M {
-            return Err(Error::invalid(
-                "world_from_camera.translation",
-                format!(
-                    "{} lies farther than {} m from the origin",
-                    pose.translation, MAX_COORDINATE_M
-                ),
-            ));
-        }
-        Ok(())
-    }
-
     /// The world point of a pixel at z-depth `z`, m.
     #[inline]
     pub fn world_point(&self, u: u32, v: u32, z: f32) -> Vec3 {
         self.world_from_camera.rotation_f32() * (self.intrinsics.direction(u as f32, v as f32) * z)
             + self.world_from_camera.position_f32()
     }
-}
-
-fn check_image(field: &str, width: u32, height: u32, len: usize, k: &Intrinsics) -> Result<()> {
-    if (width, height) != (k.width, k.height) {
-        return Err(Error::invalid(
-            format!("{field}.width/height"),
-            format!("{width}x{height} differs from intrinsics {}x{}", k.width, k.height),
-        ));
-    }
-    if len != k.pixels() {
-        return Err(Error::invalid(
-            format!("{field}.data"),
-            format!("{len} pixels, but {width}x{height} needs {}", k.pixels()),
-        ));
-    }
-    Ok(())
 }

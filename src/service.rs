@@ -15,8 +15,8 @@ use std::time::{Duration, Instant};
 
 use crate::config::{MapConfig, ServerConfig};
 use crate::engine::{
-    Emptied, Engine, EngineSettings, FrameSink, Handle, Published, QueuePolicy, Reason, Verdict,
-    persist,
+    Emptied, Engine, EngineSettings, FrameSink, Handle, Published, Queue, QueuePolicy, Reason,
+    Session, Verdict, persist,
 };
 use crate::error::{Error, Result};
 use crate::frame::Frame;
@@ -35,8 +35,6 @@ pub use times::{Call, CallTimes};
 pub const DEFAULT_MAP: &str = "default";
 /// Its file in the storage folder.
 const MAP_FILE: &str = "default.orenx";
-/// A robot's or a sensor's name is at most this long, bytes.
-const MAX_NAME_BYTES: usize = 128;
 
 /// A running server without its transports.
 pub struct Service {
@@ -61,6 +59,7 @@ impl Service {
             lane_frames: config.lane_frames,
             lanes: config.lanes,
             queued_bytes: config.queued_bytes,
+            max_frame_age: config.max_frame_age,
             publish_interval: config.publish_interval,
             store,
         };
@@ -75,9 +74,20 @@ impl Service {
         Ok((Arc::new(service), engine))
     }
 
+    /// A new connection of a sender: within it, sequence numbers and stamps of a sensor must go on.
+    pub fn session(&self) -> Session {
+        self.mapper.session()
+    }
+
+    /// How full the lane of a sensor is, and will be; nothing of a map that is not there.
+    pub fn queue(&self, map_id: &str, robot_id: &str, sensor_id: &str) -> Queue {
+        self.map(map_id).map_or_else(|_| Queue::default(), |m| m.queue(robot_id, sensor_id))
+    }
+
     /// Checks a frame and hands it to the mapper; `sink` hears of its way and its end.
     pub async fn submit_frame(
         &self,
+        session: Session,
         map_id: &str,
         frame: Frame,
         policy: QueuePolicy,
@@ -85,13 +95,11 @@ impl Service {
     ) {
         let sink = Counted::receive(&self.counters, sink);
         let checked = self.map(map_id).and_then(|mapper| {
-            check_name("robot_id", &frame.robot_id)?;
-            check_name("sensor_id", &frame.sensor_id)?;
             frame.check()?;
             Ok(mapper)
         });
         match checked {
-            Ok(mapper) => mapper.submit(frame, policy, sink).await,
+            Ok(mapper) => mapper.submit(session, frame, policy, sink).await,
             Err(error) => sink.settle(Verdict::Rejected(error)),
         }
     }
@@ -191,16 +199,6 @@ impl Service {
             }),
         }
     }
-}
-
-fn check_name(field: &str, name: &str) -> Result<()> {
-    if name.is_empty() || name.len() > MAX_NAME_BYTES {
-        return Err(Error::invalid(
-            field,
-            format!("{} bytes; must be within 1..={MAX_NAME_BYTES}", name.len()),
-        ));
-    }
-    Ok(())
 }
 
 /// Makes the storage folder, so that a wrong path is found at the start and not at the end.

@@ -189,7 +189,9 @@ pub(super) fn integrate(
                     mapper.publish();
                     tally.count(&outcome, decoded.decode_ms, mapper);
                 }
-                Err(Error::InvalidArgument { field, .. }) => tally.reject(&field),
+                Err(Error::InvalidArgument { field, .. } | Error::Frame { field, .. }) => {
+                    tally.reject(&field);
+                }
                 Err(Error::ResourceExhausted { what, .. }) => tally.reject(&what),
                 Err(other) => return Err(other),
             }

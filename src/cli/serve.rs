@@ -15,14 +15,16 @@ pub struct ServeArgs {
     /// Settings; what the file leaves out has its default (deploy/orenx.toml lists every key)
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
+    /// One setting, over the file and the environment (where it is ORENX_SECTION_KEY); may be
+    /// repeated
+    #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
+    pub set: Vec<String>,
 }
 
 impl ServeArgs {
     pub fn run(self) -> anyhow::Result<()> {
-        let settings = match &self.config {
-            Some(path) => Settings::read(path)?,
-            None => Settings::default(),
-        };
+        let variables = std::env::vars_os();
+        let settings = Settings::layered(self.config.as_deref(), variables, &self.set)?;
         let (config, map) = ServerConfig::from_settings(&settings)?;
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
         runtime.block_on(async {

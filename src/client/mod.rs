@@ -8,7 +8,7 @@ mod stream;
 use std::time::Duration;
 
 use glam::Vec3;
-use tokio_stream::Stream;
+use tokio_stream::{Stream, StreamExt};
 use tonic::Streaming;
 use tonic::transport::{Channel, Endpoint};
 
@@ -21,7 +21,7 @@ use crate::wire::v1::maps_client::MapsClient;
 use crate::wire::v1::query_client::QueryClient;
 use crate::wire::{
     MAX_MESSAGE_BYTES, error_from_status, map_list_from_wire, map_stats_from_wire,
-    points_question_to_wire, v1,
+    points_question_to_wire, stream_question_to_wire, stream_reply_from_wire, v1,
 };
 
 pub use http::HttpClient;
@@ -86,6 +86,21 @@ impl Client {
         Ok(reply.into_inner().into())
     }
 
+    /// Sends questions as they come and returns what became of them, in the same order. The server
+    /// reads a few ahead of what is read here.
+    pub async fn stream_query(
+        &self,
+        questions: impl Stream<Item = (u64, PointsQuestion)> + Send + 'static,
+    ) -> Result<Answers> {
+        let messages = questions.map(|(id, question)| stream_question_to_wire(id, &question));
+        let answers = QueryClient::new(self.channel.clone())
+            .max_decoding_message_size(MAX_MESSAGE_BYTES)
+            .stream_query(messages)
+            .await
+            .map_err(|status| error_from_status(&status))?;
+        Ok(Answers(answers.into_inner()))
+    }
+
     /// Every map of the server.
     pub async fn list_maps(&self) -> Result<Vec<MapSummary>> {
         let reply = MapsClient::new(self.channel.clone())
@@ -136,6 +151,17 @@ impl Acks {
     /// The next ack; `None` after the last.
     pub async fn next(&mut self) -> Result<Option<v1::FrameAck>> {
         self.0.message().await.map_err(|status| error_from_status(&status))
+    }
+}
+
+/// The answers of one stream of questions.
+pub struct Answers(Streaming<v1::StreamQueryReply>);
+
+impl Answers {
+    /// The number of the next question, and its answer or refusal; `None` after the last.
+    pub async fn next(&mut self) -> Result<Option<(u64, Result<PointsReply>)>> {
+        let message = self.0.message().await.map_err(|status| error_from_status(&status))?;
+        message.map(stream_reply_from_wire).transpose()
     }
 }
 

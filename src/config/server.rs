@@ -1,7 +1,7 @@
 //! Settings of a server: the file as written, and the checked values that the code runs on.
 
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -32,6 +32,7 @@ pub struct ServerSettings {
     pub lane_frames: u32,
     pub lanes: u32,
     pub queued_mib: u32,
+    pub max_frame_age_s: f64,
     pub publish_interval_ms: u32,
     pub trainer_nice: u32,
 }
@@ -64,6 +65,7 @@ impl Default for ServerSettings {
             lane_frames: 2,
             lanes: 64,
             queued_mib: 512,
+            max_frame_age_s: 2.0,
             publish_interval_ms: 33,
             trainer_nice: 19,
         }
@@ -73,32 +75,6 @@ impl Default for ServerSettings {
 impl Default for StorageSettings {
     fn default() -> Self {
         Self { path: "orenx-data".into() }
-    }
-}
-
-impl Settings {
-    /// Reads a file; what it leaves out has its default.
-    pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, e))?;
-        Self::parse(&text, &path.display().to_string())
-    }
-
-    /// Parses a file's text; `name` names it in errors. The text is read twice: alone, so that a
-    /// wrong key or value is shown with its line, and then over [`DEFAULT_FILE`], so that a section
-    /// keeps its defaults even where they differ from those of its type.
-    pub fn parse(text: &str, name: &str) -> Result<Self> {
-        let wrong = |e: toml::de::Error| Error::invalid(name, e.to_string().trim_end());
-        toml::from_str::<Self>(text).map_err(wrong)?;
-        let mut layers: toml::Table = toml::from_str(DEFAULT_FILE).map_err(wrong)?;
-        for (section, keys) in toml::from_str::<toml::Table>(text).map_err(wrong)? {
-            match (layers.get_mut(&section), keys) {
-                (Some(toml::Value::Table(below)), toml::Value::Table(keys)) => below.extend(keys),
-                (_, keys) => {
-                    layers.insert(section, keys);
-                }
-            }
-        }
-        layers.try_into().map_err(wrong)
     }
 }
 
@@ -117,6 +93,8 @@ pub struct ServerConfig {
     pub lanes: usize,
     /// Memory of all waiting frames, bytes.
     pub queued_bytes: usize,
+    /// How much older than the newest of its sensor a frame may be.
+    pub max_frame_age: Duration,
     pub publish_interval: Duration,
     /// The nice value of the trainer threads, at most 19.
     pub trainer_nice: u8,
@@ -162,6 +140,7 @@ impl ServerConfig {
             lane_frames: within("lane_frames", server.lane_frames, 1..=1024)?,
             lanes: within("lanes", server.lanes, 1..=4096)?,
             queued_bytes: within("queued_mib", server.queued_mib, 1..=1 << 20)? << 20,
+            max_frame_age: max_frame_age(server.max_frame_age_s)?,
             publish_interval: Duration::from_millis(within(
                 "publish_interval_ms",
                 server.publish_interval_ms,
@@ -179,6 +158,16 @@ impl ServerConfig {
         })?;
         Ok((config, map))
     }
+}
+
+fn max_frame_age(seconds: f64) -> Result<Duration> {
+    if !(0.0..=86_400.0).contains(&seconds) {
+        return Err(Error::invalid(
+            "server.max_frame_age_s",
+            format!("{seconds} must be within 0..=86400 s"),
+        ));
+    }
+    Ok(Duration::from_secs_f64(seconds))
 }
 
 #[cfg(test)]
@@ -252,6 +241,7 @@ mod tests {
             ("[server]\nhttp = \"7611\"\n", "server.http"),
             ("[server]\ntrainer_nice = 20\n", "server.trainer_nice"),
             ("[server]\nmax_points = 4000000\n", "server.max_points"),
+            ("[server]\nmax_frame_age_s = -1.0\n", "server.max_frame_age_s"),
             ("[map]\nr0_m = 5.0\n", "map.r0_m"),
         ] {
             let settings = Settings::parse(text, "test").expect("parses");

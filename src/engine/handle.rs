@@ -2,13 +2,15 @@
 
 use std::collections::VecDeque;
 use std::future::poll_fn;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock};
 use std::task::{Poll, Waker};
 use std::time::{Duration, Instant};
 
 use super::EngineSettings;
 use super::lanes::{Job, Lanes, QueuePolicy};
-use super::verdict::{FrameSink, Reason, Ticket, Verdict};
+use super::order::Session;
+use super::verdict::{FrameSink, Queue, Reason, Ticket, Verdict};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::map::{MapStats, MapView};
@@ -40,9 +42,15 @@ impl Handle {
     /// Hands a checked frame to the mapper. Returns when the frame waits in its lane or has its
     /// verdict; under [`QueuePolicy::Block`] that may take as long as the lane is full. Dropping
     /// the future settles the frame as [`Reason::Abandoned`].
-    pub async fn submit(&self, frame: Frame, policy: QueuePolicy, sink: Box<dyn FrameSink>) {
+    pub async fn submit(
+        &self,
+        session: Session,
+        frame: Frame,
+        policy: QueuePolicy,
+        sink: Box<dyn FrameSink>,
+    ) {
         let arrived = Instant::now();
-        let mut job = Some(Job { frame, ticket: Ticket::new(sink), arrived });
+        let mut job = Some(Job { frame, ticket: Ticket::new(sink), session, arrived });
         poll_fn(|context| match job.take() {
             Some(waiting) => match self.0.push(waiting, policy, context.waker()) {
                 None => Poll::Ready(()),
@@ -54,6 +62,16 @@ impl Handle {
             None => Poll::Ready(()),
         })
         .await;
+    }
+
+    /// A new connection of a sender.
+    pub fn session(&self) -> Session {
+        Session(self.0.sessions.fetch_add(1, Relaxed))
+    }
+
+    /// How full a sensor's lane is, and will be.
+    pub fn queue(&self, robot_id: &str, sensor_id: &str) -> Queue {
+        self.0.inbox().lanes.gauge(robot_id, sensor_id)
     }
 
     /// The newest view and its counters.
@@ -135,6 +153,7 @@ pub(super) struct Shared {
     inbox: Mutex<Inbox>,
     bell: Condvar,
     published: RwLock<Published>,
+    sessions: AtomicU64,
 }
 
 impl Shared {
@@ -149,6 +168,7 @@ impl Shared {
             }),
             bell: Condvar::new(),
             published: RwLock::new(first),
+            sessions: AtomicU64::new(1),
         }
     }
 
@@ -186,6 +206,7 @@ impl Shared {
             if inbox.resets.begun < inbox.resets.wished {
                 inbox.resets.begun = inbox.resets.wished;
                 let waiting = drain(&mut inbox);
+                inbox.lanes.forget_order();
                 wake(&mut inbox.senders);
                 return Event::Reset(waiting);
             }

@@ -1,9 +1,11 @@
 //! Bounded queues of frames, one for each (robot, sensor), served in turn.
 
 use std::collections::VecDeque;
-use std::time::Instant;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use super::EngineSettings;
+use super::order::{Newest, Session};
 use super::verdict::{Queue, Reason, Ticket, Verdict};
 use crate::error::Error;
 use crate::frame::Frame;
@@ -22,6 +24,7 @@ pub enum QueuePolicy {
 pub(super) struct Job {
     pub(super) frame: Frame,
     pub(super) ticket: Ticket,
+    pub(super) session: Session,
     /// When the engine was given it.
     pub(super) arrived: Instant,
 }
@@ -35,13 +38,24 @@ impl Job {
 
 /// One sensor's queue.
 struct Lane {
-    robot_id: std::sync::Arc<str>,
-    sensor_id: std::sync::Arc<str>,
+    robot_id: Arc<str>,
+    sensor_id: Arc<str>,
     queue: VecDeque<Job>,
+    /// How full the queue is, for those who hold no lock.
+    gauge: Queue,
+    /// The newest frame that was ever queued.
+    newest: Option<Newest>,
     /// The push count at the last use; the smallest one gives its place to a new sensor.
     used: u64,
     /// The policy of the newest frame.
     policy: QueuePolicy,
+}
+
+impl Lane {
+    /// Brings the gauge up to date.
+    fn update_gauge(&self) {
+        self.gauge.set_waiting(self.queue.len());
+    }
 }
 
 /// All lanes. Bounded in sensors, in frames of a sensor and in bytes.
@@ -54,6 +68,7 @@ pub(super) struct Lanes {
     max_lanes: usize,
     max_frames: usize,
     max_bytes: usize,
+    max_age: Duration,
 }
 
 impl Lanes {
@@ -66,7 +81,20 @@ impl Lanes {
             max_lanes: settings.lanes,
             max_frames: settings.lane_frames,
             max_bytes: settings.queued_bytes,
+            max_age: settings.max_frame_age,
         }
+    }
+
+    /// How full a sensor's lane is, and will be.
+    pub(super) fn gauge(&self, robot_id: &str, sensor_id: &str) -> Queue {
+        let is_own = |l: &&Lane| *l.robot_id == *robot_id && *l.sensor_id == *sensor_id;
+        let own = self.lanes.iter().find(is_own);
+        own.map_or_else(|| Queue::new(0, self.max_frames), |lane| lane.gauge.clone())
+    }
+
+    /// Sensors begin anew.
+    pub(super) fn forget_order(&mut self) {
+        self.lanes.iter_mut().for_each(|lane| lane.newest = None);
     }
 
     /// Queues a frame, or settles it at once, or hands it back: the sender must wait.
@@ -83,6 +111,14 @@ impl Lanes {
             }));
             return None;
         };
+        let last = self.lanes[index].newest;
+        let newest = match Newest::after(last, &job.frame, job.session, self.max_age) {
+            Ok(newest) => newest,
+            Err(error) => {
+                job.ticket.settle(Verdict::Rejected(error));
+                return None;
+            }
+        };
         let is_full = |lanes: &Self| {
             lanes.lanes[index].queue.len() >= lanes.max_frames
                 || lanes.bytes + bytes > lanes.max_bytes
@@ -96,6 +132,7 @@ impl Lanes {
                 return None;
             };
             self.bytes -= oldest.bytes();
+            self.lanes[index].update_gauge();
             oldest.ticket.settle(Verdict::Dropped(Reason::Replaced));
         }
         self.pushes += 1;
@@ -103,8 +140,9 @@ impl Lanes {
         let lane = &mut self.lanes[index];
         lane.used = self.pushes;
         lane.policy = policy;
-        let queue = Queue { waiting: lane.queue.len() + 1, capacity: self.max_frames };
-        job.ticket.accepted(queue);
+        lane.newest = Some(newest);
+        lane.gauge.set_waiting(lane.queue.len() + 1);
+        job.ticket.accepted(lane.gauge.clone());
         lane.queue.push_back(job);
         None
     }
@@ -116,6 +154,7 @@ impl Lanes {
             if let Some(job) = self.lanes[index].queue.pop_front() {
                 self.turn = index + 1;
                 self.bytes -= job.bytes();
+                self.lanes[index].update_gauge();
                 return Some(job);
             }
         }
@@ -139,6 +178,8 @@ impl Lanes {
             robot_id: frame.robot_id.clone(),
             sensor_id: frame.sensor_id.clone(),
             queue: VecDeque::new(),
+            gauge: Queue::new(0, self.max_frames),
+            newest: None,
             used: self.pushes,
             policy: QueuePolicy::Latest,
         };
@@ -165,7 +206,7 @@ impl Lanes {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::{Arc, Mutex};
+    use std::sync::Mutex;
 
     use super::*;
     use crate::engine::FrameSink;
@@ -179,7 +220,7 @@ mod tests {
 
     impl FrameSink for Recorder {
         fn accepted(&mut self, queue: Queue) {
-            self.note(format!("waits {}/{}", queue.waiting, queue.capacity));
+            self.note(format!("waits {}/{}", queue.waiting(), queue.capacity()));
         }
 
         fn settle(self: Box<Self>, verdict: Verdict) {
@@ -211,7 +252,7 @@ mod tests {
             color: None,
         };
         let ticket = Ticket::new(Box::new(Recorder(seq, news.clone())));
-        Job { frame, ticket, arrived: Instant::now() }
+        Job { frame, ticket, session: Session::default(), arrived: Instant::now() }
     }
 
     fn lanes(lane_frames: usize, lanes: usize, queued_bytes: usize) -> Lanes {
@@ -219,7 +260,8 @@ mod tests {
             lane_frames,
             lanes,
             queued_bytes,
-            publish_interval: std::time::Duration::ZERO,
+            max_frame_age: Duration::from_secs(1),
+            publish_interval: Duration::ZERO,
             store: None,
         })
     }
@@ -292,6 +334,26 @@ mod tests {
         assert!(lanes.push(job(&news, "d", 7), QueuePolicy::Latest).is_none());
         let (seq, refusal) = told(&news).remove(0);
         assert!(seq == 7 && refusal.contains("server.queued_mib"), "{refusal}");
+    }
+
+    #[test]
+    fn a_refused_frame_does_not_make_another_give_way() {
+        let (news, mut lanes) = (News::default(), lanes(1, 4, 10_000));
+        assert!(lanes.push(job(&news, "a", 5), QueuePolicy::Latest).is_none());
+        let gauge = lanes.gauge("robot", "a");
+        assert_eq!((gauge.waiting(), gauge.credit()), (1, 0));
+        assert_eq!(lanes.gauge("robot", "b").credit(), 1, "a lane that is not there yet");
+        told(&news);
+        for policy in [QueuePolicy::Latest, QueuePolicy::Block] {
+            assert!(lanes.push(job(&news, "a", 5), policy).is_none());
+            let (seq, refusal) = told(&news).remove(0);
+            assert!(seq == 5 && refusal.starts_with("seq: 5 does not follow 5"), "{refusal}");
+        }
+        assert_eq!(lanes.pop().expect("the first").frame.seq, 5);
+        assert_eq!(gauge.credit(), 1, "it sees the room");
+        lanes.forget_order();
+        assert!(lanes.push(job(&news, "a", 5), QueuePolicy::Latest).is_none());
+        assert_eq!(told(&news), [note(5, "waits 1/1")]);
     }
 
     #[test]

@@ -8,12 +8,14 @@
 
 mod handle;
 mod lanes;
+mod order;
 pub mod persist;
 mod thread;
 mod verdict;
 
 pub use handle::{Emptied, Handle, Published};
 pub use lanes::QueuePolicy;
+pub use order::Session;
 pub use thread::Engine;
 pub use verdict::{FrameSink, Queue, Reason, Verdict};
 
@@ -29,6 +31,8 @@ pub struct EngineSettings {
     pub lanes: usize,
     /// Memory of all frames that wait, bytes.
     pub queued_bytes: usize,
+    /// How much older than the newest of its sensor a frame may be.
+    pub max_frame_age: Duration,
     /// While frames stream, a view is published at most this often; when none waits, at once.
     pub publish_interval: Duration,
     /// Where the map is saved when the thread stops; `None` keeps it in memory only.

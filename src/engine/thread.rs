@@ -239,7 +239,7 @@ mod tests {
     use crate::config::{MapConfig, MapSettings};
     use crate::dataset::Dataset;
     use crate::dataset::synthetic::Synthetic;
-    use crate::engine::{FrameSink, Queue};
+    use crate::engine::{FrameSink, Queue, Session};
 
     struct Nobody;
 
@@ -259,6 +259,7 @@ mod tests {
             lane_frames: 2,
             lanes: 1,
             queued_bytes: 1 << 20,
+            max_frame_age: Duration::ZERO,
             publish_interval: Duration::ZERO,
             store: None,
         };
@@ -284,7 +285,10 @@ mod tests {
     fn frame(owner: &mut Owner, index: usize) {
         let frame = Synthetic::room(100).with_width(64).load(index, false).expect("a frame");
         let ticket = Ticket::new(Box::new(Nobody));
-        owner.integrate(Job { frame, ticket, arrived: Instant::now() }, 0);
+        owner.integrate(
+            Job { frame, ticket, session: Session::default(), arrived: Instant::now() },
+            0,
+        );
     }
 
     #[test]

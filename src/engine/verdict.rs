@@ -1,6 +1,9 @@
 //! What becomes of a frame, and the ticket that makes sure that it is told exactly once.
 
-use crate::error::{Error, Status};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+use crate::error::{Error, Fault, Status};
 
 /// Why a frame is not in the map.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,11 +24,19 @@ pub enum Reason {
     Internal,
     /// The map was emptied while the frame waited.
     Reset,
+    /// See [`Fault`] for these.
+    PoseNotFinite,
+    PoseNotRigid,
+    SizeMismatch,
+    DepthUnit,
+    Intrinsics,
+    TooOld,
+    OutOfOrder,
 }
 
 impl Reason {
     /// Every reason, in the order of their numbers.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 15] = [
         Self::Replaced,
         Self::Stopping,
         Self::Abandoned,
@@ -34,6 +45,13 @@ impl Reason {
         Self::Exhausted,
         Self::Internal,
         Self::Reset,
+        Self::PoseNotFinite,
+        Self::PoseNotRigid,
+        Self::SizeMismatch,
+        Self::DepthUnit,
+        Self::Intrinsics,
+        Self::TooOld,
+        Self::OutOfOrder,
     ];
 
     /// The name in counters and reports.
@@ -47,11 +65,29 @@ impl Reason {
             Self::Exhausted => "exhausted",
             Self::Internal => "internal",
             Self::Reset => "reset",
+            Self::PoseNotFinite => "pose_not_finite",
+            Self::PoseNotRigid => "pose_not_rigid",
+            Self::SizeMismatch => "size_mismatch",
+            Self::DepthUnit => "depth_unit",
+            Self::Intrinsics => "intrinsics",
+            Self::TooOld => "too_old",
+            Self::OutOfOrder => "out_of_order",
         }
     }
 
     /// The reason for which a frame with this error is refused.
     pub fn of(error: &Error) -> Self {
+        if let Error::Frame { fault, .. } = error {
+            return match fault {
+                Fault::PoseNotFinite => Self::PoseNotFinite,
+                Fault::PoseNotRigid => Self::PoseNotRigid,
+                Fault::SizeMismatch => Self::SizeMismatch,
+                Fault::DepthUnit => Self::DepthUnit,
+                Fault::Intrinsics => Self::Intrinsics,
+                Fault::TooOld => Self::TooOld,
+                Fault::OutOfOrder => Self::OutOfOrder,
+            };
+        }
         match error.status() {
             Status::InvalidArgument => Self::InvalidField,
             Status::NotFound => Self::UnknownMap,
@@ -76,11 +112,37 @@ pub enum Verdict {
     Rejected(Error),
 }
 
-/// How full a sensor's lane is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+/// How full a sensor's lane is, now and later: clones look at the same lane.
+#[derive(Debug, Clone, Default)]
 pub struct Queue {
-    pub waiting: usize,
-    pub capacity: usize,
+    waiting: Arc<AtomicUsize>,
+    capacity: usize,
+}
+
+impl Queue {
+    /// A lane of `capacity` frames, `waiting` of which are taken.
+    pub fn new(waiting: usize, capacity: usize) -> Self {
+        Self { waiting: Arc::new(waiting.into()), capacity }
+    }
+
+    /// Frames that wait.
+    pub fn waiting(&self) -> usize {
+        self.waiting.load(Relaxed)
+    }
+
+    /// Frames that may wait.
+    pub fn capacity(&self) -> usize {
+        self.capacity
+    }
+
+    /// Frames that may come before one gives way or has to wait.
+    pub fn credit(&self) -> usize {
+        self.capacity.saturating_sub(self.waiting())
+    }
+
+    pub(super) fn set_waiting(&self, waiting: usize) {
+        self.waiting.store(waiting, Relaxed);
+    }
 }
 
 /// Where the news of one frame go. Called from whichever thread knows them, some of them inside the

@@ -3,7 +3,7 @@
 use glam::{DMat3, DMat4, DQuat, DVec3, Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Fault, Result};
 
 /// The largest entry of |RᵀR − I| that is taken for rounding and projected away. Real recordings
 /// have 4e-4.
@@ -22,15 +22,26 @@ impl Pose {
     /// A pose from a unit quaternion (x, y, z, w) and a translation. Fails on numbers that are not
     /// finite and on a quaternion whose length is off by more than [`MAX_ROTATION_ERROR`].
     pub fn from_quaternion(rotation: DQuat, translation: DVec3) -> Result<Self> {
-        check_translation(translation)?;
-        let length = rotation.length();
-        if !length.is_finite() || (length - 1.0).abs() > MAX_ROTATION_ERROR {
-            return Err(Error::invalid(
+        let pose = Self { rotation, translation };
+        pose.check()?;
+        Ok(Self { rotation: rotation.normalize(), translation })
+    }
+
+    /// Fails on numbers that are not finite and on a quaternion whose length is off by more than
+    /// [`MAX_ROTATION_ERROR`].
+    pub fn check(&self) -> Result<()> {
+        check_finite("translation", self.translation.is_finite())?;
+        check_finite("rotation", self.rotation.is_finite())?;
+        let length = self.rotation.length();
+        // Squares of large numbers overflow to infinity, which is refused like any other length.
+        if (length - 1.0).abs() > MAX_ROTATION_ERROR {
+            return Err(Error::frame(
+                Fault::PoseNotRigid,
                 "world_from_camera.rotation",
                 format!("quaternion length {length} must be 1 within {MAX_ROTATION_ERROR}"),
             ));
         }
-        Ok(Self { rotation: rotation.normalize(), translation })
+        Ok(())
     }
 
     /// A pose from a 4×4 matrix. Fails on numbers that are not finite, on a reflection, and on a
@@ -38,14 +49,13 @@ impl Pose {
     pub fn from_matrix(matrix: DMat4) -> Result<Self> {
         let rotation = DMat3::from_mat4(matrix);
         let translation = matrix.w_axis.truncate();
-        check_translation(translation)?;
-        if !rotation.is_finite() {
-            return Err(Error::invalid("world_from_camera.rotation", "must be finite"));
-        }
+        check_finite("translation", translation.is_finite())?;
+        check_finite("rotation", rotation.is_finite())?;
         let error = rotation.transpose() * rotation - DMat3::IDENTITY;
         let largest = error.to_cols_array().iter().fold(0.0f64, |m, e| m.max(e.abs()));
         if largest > MAX_ROTATION_ERROR || rotation.determinant() < 0.0 {
-            return Err(Error::invalid(
+            return Err(Error::frame(
+                Fault::PoseNotRigid,
                 "world_from_camera.rotation",
                 format!(
                     "must be a right-handed rotation: |RᵀR − I| is {largest:.2e} (limit \
@@ -90,11 +100,12 @@ impl Pose {
     }
 }
 
-fn check_translation(translation: DVec3) -> Result<()> {
-    if translation.is_finite() {
+fn check_finite(part: &str, is_finite: bool) -> Result<()> {
+    if is_finite {
         return Ok(());
     }
-    Err(Error::invalid("world_from_camera.translation", "must be finite"))
+    let field = format!("world_from_camera.{part}");
+    Err(Error::frame(Fault::PoseNotFinite, field, "must be finite"))
 }
 
 /// The nearest rotation in the Frobenius norm, by Newton's iteration R ← (R + R⁻ᵀ)/2, which
@@ -132,6 +143,22 @@ mod tests {
             DMat4::from_cols_array(&[f64::INFINITY; 16]),
         ] {
             assert!(Pose::from_matrix(matrix).is_err(), "{matrix}");
+        }
+    }
+
+    #[test]
+    fn quaternions_are_normalised_or_refused() {
+        let q = DQuat::from_rotation_z(0.4);
+        let pose = Pose::from_quaternion(q * 1.009, DVec3::ZERO).expect("within the limit");
+        assert!((pose.rotation - q).length() < 1e-12);
+        for (rotation, fault) in [
+            (q * 1.011, Fault::PoseNotRigid),
+            (q * 0.0, Fault::PoseNotRigid),
+            (q * 1e300, Fault::PoseNotRigid),
+            (q * f64::NAN, Fault::PoseNotFinite),
+        ] {
+            let error = Pose::from_quaternion(rotation, DVec3::ZERO).expect_err("wrong");
+            assert!(matches!(error, Error::Frame { fault: f, .. } if f == fault), "{error}");
         }
     }
 

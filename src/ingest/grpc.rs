@@ -8,10 +8,10 @@ use tokio::sync::watch;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 
-use crate::engine::{FrameSink, Queue, Verdict};
+use crate::engine::{FrameSink, Queue, Session, Verdict};
 use crate::error::Error;
 use crate::service::Service;
-use crate::wire::{FrameSummary, IncomingFrame, ack_to_wire, v1};
+use crate::wire::{Ending, FrameSummary, IncomingFrame, ack_to_wire, v1};
 
 /// Acks of one stream that may wait to be read, two a frame. A client that does not read its acks
 /// stops being read when they are used up.
@@ -42,8 +42,9 @@ impl v1::ingest_server::Ingest for IngestService {
     ) -> Result<Response<Self::StreamFramesStream>, Status> {
         let (acks, outgoing) = mpsc::channel(ACKS);
         let stream = FrameStream {
+            session: self.service.session(),
             service: self.service.clone(),
-            closing: self.closing.clone(),
+            ending: Ending::of(&request, self.closing.clone()),
             frames: request.into_inner(),
             acks,
         };
@@ -53,8 +54,9 @@ impl v1::ingest_server::Ingest for IngestService {
 }
 
 struct FrameStream {
+    session: Session,
     service: Arc<Service>,
-    closing: watch::Receiver<bool>,
+    ending: Ending,
     frames: Streaming<v1::Frame>,
     acks: mpsc::Sender<Ack>,
 }
@@ -69,17 +71,20 @@ impl FrameStream {
             let Ok(settled) = self.acks.clone().reserve_owned().await else { return };
             let next = tokio::select! {
                 next = self.frames.message() => next,
-                _ = self.closing.wait_for(|closing| *closing) => {
-                    Err(Status::unavailable("the server is stopping"))
-                }
+                status = self.ending.wait() => Err(status),
             };
             match next {
                 Ok(Some(message)) => {
+                    let frame = FrameSummary::from(&message);
                     let sink = AckSink {
                         service: self.service.clone(),
-                        frame: FrameSummary::from(&message),
                         arrived: Instant::now(),
-                        queue: Queue::default(),
+                        queue: self.service.queue(
+                            &message.map_id,
+                            &frame.robot_id,
+                            &frame.sensor_id,
+                        ),
+                        frame,
                         accepted: Some(accepted),
                         settled,
                     };
@@ -105,7 +110,7 @@ impl FrameStream {
         let submitted = async {
             match incoming {
                 Ok(IncomingFrame { map_id, policy, frame }) => {
-                    self.service.submit_frame(&map_id, frame, policy, sink).await;
+                    self.service.submit_frame(self.session, &map_id, frame, policy, sink).await;
                 }
                 Err(error) => self.service.refuse_frame(error, sink),
             }
@@ -139,7 +144,7 @@ struct AckSink {
 impl AckSink {
     fn ack(&self, verdict: Option<&Verdict>) -> v1::FrameAck {
         let newest = self.service.newest();
-        ack_to_wire(&self.frame, verdict, newest, self.queue, self.arrived.elapsed())
+        ack_to_wire(&self.frame, verdict, newest, &self.queue, self.arrived.elapsed())
     }
 }
 

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use rayon::ThreadPool;
 
 use super::mapper::{MapStats, Mapper};
+use super::robots::Robots;
 use super::view::Store;
 use crate::backend::CpuBackend;
 use crate::config::MapConfig;
@@ -58,6 +59,7 @@ impl Mapper {
         Ok(Self {
             topology: Topology::new(lattice.unit_m, lattice.brick),
             surface: Surface::new(&config),
+            robots: Robots::default(),
             store,
             key_frames: KeyFrames::new(&config),
             schedule: Schedule::new(&config),

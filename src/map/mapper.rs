@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::budget::Sizes;
+use super::robots::Robots;
 use super::view::{BRICKS, MapView, NODES, ROWS, Store};
 use crate::backend::{Backend, Host, StepParameters};
 use crate::config::{MapConfig, Prior};
@@ -71,6 +72,7 @@ pub struct Mapper {
     pub(super) trainers: Arc<rayon::ThreadPool>,
     pub(super) topology: Topology,
     pub(super) surface: Surface,
+    pub(super) robots: Robots,
     pub(super) key_frames: KeyFrames,
     pub(super) schedule: Schedule,
     pub(super) backend: Box<dyn Backend<Topology>>,
@@ -122,7 +124,8 @@ impl Mapper {
         let number = self.stats.frames as u32;
         self.grant_room();
         let rows = self.topology.rows() as u32;
-        let change = self.surface.integrate(frame, 0, number, &mut self.topology, &self.pool);
+        let source = self.robots.number(&frame.robot_id);
+        let change = self.surface.integrate(frame, source, number, &mut self.topology, &self.pool);
         self.backend.resize(self.topology.rows());
         self.backend.reset(&change.prior.voided);
         // A new row that keeps its first value is no change of the prior, but new to every page.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::mapper::{MapStats, Mapper};
+use super::robots::Robots;
 use super::view::{BRICKS, MapView, NODES, ROWS, Store};
 use crate::backend::BackendState;
 use crate::config::MapConfig;
@@ -31,6 +32,7 @@ pub struct MapperState<'a> {
     pub progress: Progress,
     pub topology: TopologyState<'a>,
     pub surface: SurfaceState<'a>,
+    pub robots: Robots,
     pub key_frames: KeyFramesState,
     pub backend: BackendState,
 }
@@ -47,6 +49,7 @@ impl Mapper {
             },
             topology: self.topology.state(),
             surface: self.surface.state(),
+            robots: self.robots.clone(),
             key_frames: self.key_frames.state(),
             backend: self.backend.export(),
         }
@@ -63,6 +66,7 @@ impl Mapper {
         mapper.topology = mapper.topology.with_state(state.topology)?;
         let rows = mapper.topology.rows();
         mapper.surface = mapper.surface.with_state(state.surface, rows)?;
+        mapper.robots = state.robots.checked()?;
         mapper.key_frames = mapper.key_frames.with_state(state.key_frames)?;
         if state.backend.learned.len() != rows {
             return Err(Error::corrupt("learned rows", "differ in number from the octree's"));

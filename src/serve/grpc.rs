@@ -3,13 +3,15 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use tonic::{Request, Response, Status};
+use tokio::sync::watch;
+use tonic::{Request, Response, Status, Streaming};
 
+use super::stream::{Answers, answer_stream};
 use crate::service::{Call, PointsQuestion, Service};
 use crate::wire::v1::maps_server::Maps;
 use crate::wire::v1::query_server::Query;
 use crate::wire::{
-    map_detail_to_wire, map_list_to_wire, map_reset_to_wire, map_stats_to_wire,
+    Ending, map_detail_to_wire, map_list_to_wire, map_reset_to_wire, map_stats_to_wire,
     points_reply_to_wire, status_from_error, v1,
 };
 
@@ -17,11 +19,13 @@ use crate::wire::{
 #[derive(Clone)]
 pub(super) struct Edge {
     service: Arc<Service>,
+    closing: watch::Receiver<bool>,
 }
 
 impl Edge {
-    pub(super) fn new(service: Arc<Service>) -> Self {
-        Self { service }
+    /// `closing` turns true when streams must end.
+    pub(super) fn new(service: Arc<Service>, closing: watch::Receiver<bool>) -> Self {
+        Self { service, closing }
     }
 }
 
@@ -37,6 +41,16 @@ impl Query for Edge {
         };
         let reply = answer.await.map_err(|e| status_from_error(&e))?;
         Ok(Response::new(points_reply_to_wire(reply)))
+    }
+
+    type StreamQueryStream = Answers;
+
+    async fn stream_query(
+        &self,
+        request: Request<Streaming<v1::StreamQueryRequest>>,
+    ) -> Result<Response<Answers>, Status> {
+        let ending = Ending::of(&request, self.closing.clone());
+        Ok(Response::new(answer_stream(self.service.clone(), request.into_inner(), ending)))
     }
 }
 

@@ -5,6 +5,7 @@ mod grpc;
 mod http;
 mod listeners;
 mod run;
+mod stream;
 
 pub use http::Door;
 pub use listeners::Listeners;

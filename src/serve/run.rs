@@ -16,10 +16,10 @@ use super::listeners::Listeners;
 use crate::error::{Error, Result};
 use crate::ingest::IngestService;
 use crate::service::Service;
-use crate::wire::MAX_MESSAGE_BYTES;
 use crate::wire::v1::ingest_server::IngestServer;
 use crate::wire::v1::maps_server::MapsServer;
 use crate::wire::v1::query_server::QueryServer;
+use crate::wire::{DESCRIPTORS, MAX_MESSAGE_BYTES};
 
 /// How long connections may take to end once the server stops. Streams end by themselves when their
 /// frames are settled; this is for clients that never read.
@@ -28,8 +28,8 @@ const DRAIN: Duration = Duration::from_secs(5);
 /// round trip inside each one.
 const STREAM_WINDOW_BYTES: u32 = 4 << 20;
 const CONNECTION_WINDOW_BYTES: u32 = 16 << 20;
-/// Requests of one connection that are worked on at a time.
-const CONNECTION_REQUESTS: usize = 64;
+/// Calls of one connection at a time, streams included.
+const CONNECTION_REQUESTS: u32 = 64;
 /// A connection whose other end is silent for this long is asked for a sign of life.
 const KEEPALIVE: Duration = Duration::from_secs(20);
 
@@ -45,7 +45,7 @@ pub async fn run(
     let (health, health_service) = tonic_health::server::health_reporter();
     set_health(&health, ServingStatus::Serving).await;
 
-    let edge = Edge::new(service.clone());
+    let edge = Edge::new(service.clone(), closing.clone());
     let ingest = IngestServer::new(IngestService::new(service.clone(), closing.clone()))
         .max_decoding_message_size(MAX_MESSAGE_BYTES);
     let query = QueryServer::new(edge.clone())
@@ -58,11 +58,14 @@ pub async fn run(
     let serving = Server::builder()
         .initial_stream_window_size(STREAM_WINDOW_BYTES)
         .initial_connection_window_size(CONNECTION_WINDOW_BYTES)
-        .concurrency_limit_per_connection(CONNECTION_REQUESTS)
+        .concurrency_limit_per_connection(CONNECTION_REQUESTS as usize)
+        .max_concurrent_streams(CONNECTION_REQUESTS)
         .http2_keepalive_interval(Some(KEEPALIVE))
         .tcp_nodelay(true)
         .layer(Deadlines)
         .add_service(health_service)
+        .add_service(reflection().build_v1().map_err(reflection_error)?)
+        .add_service(reflection().build_v1alpha().map_err(reflection_error)?)
         .add_service(ingest)
         .add_service(query)
         .add_service(MapsServer::new(edge))
@@ -107,6 +110,17 @@ async fn set_health(health: &HealthReporter, status: ServingStatus) {
     ] {
         health.set_service_status(name, status).await;
     }
+}
+
+/// What services and messages there are, for clients that were built without them (grpcurl).
+fn reflection() -> tonic_reflection::server::Builder<'static> {
+    tonic_reflection::server::Builder::configure()
+        .register_encoded_file_descriptor_set(DESCRIPTORS)
+        .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+}
+
+fn reflection_error(error: tonic_reflection::server::Error) -> Error {
+    Error::Internal(format!("reflection: {error}"))
 }
 
 fn transport_error(error: tonic::transport::Error) -> Error {

@@ -11,7 +11,7 @@ use super::sections::{Sections, Tag};
 use crate::backend::{BackendState, DecoderState, LearnedRow, RowMoments};
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
-use crate::map::{MapView, Mapper, MapperState, Progress, ViewState};
+use crate::map::{MapView, Mapper, MapperState, Progress, Robots, ViewState};
 use crate::octree::{Root, TopologyState};
 use crate::surface::{EvidenceState, PriorState, SurfaceState, SurfelState};
 use crate::train::{FrameRecord, KeyFramesState};
@@ -43,6 +43,8 @@ const PRIOR_NEXT: Tag = Tag(*b"PNXT");
 const PRIOR_PREVIOUS: Tag = Tag(*b"PPRV");
 const PRIOR_HEADS: Tag = Tag(*b"PHEA");
 const RINGED: Tag = Tag(*b"RING");
+/// Passed over by who only wants distances, and absent in files from before there were several.
+const ROBOTS: Tag = Tag(*b"robo");
 const KEY_FRAMES: Tag = Tag(*b"KREC");
 const KEY_PIXELS: Tag = Tag(*b"KPIX");
 const KEY_CELLS: Tag = Tag(*b"KCEL");
@@ -59,7 +61,7 @@ const VIEW_EXPLICIT: Tag = Tag(*b"VEXP");
 const VIEW_FEATURES: Tag = Tag(*b"VFEA");
 const VIEW_OCCUPANCY: Tag = Tag(*b"VOCC");
 
-const ALL: [Tag; 42] = [
+const ALL: [Tag; 43] = [
     KIND,
     CONFIG,
     PROGRESS,
@@ -87,6 +89,7 @@ const ALL: [Tag; 42] = [
     PRIOR_PREVIOUS,
     PRIOR_HEADS,
     RINGED,
+    ROBOTS,
     KEY_FRAMES,
     KEY_PIXELS,
     KEY_CELLS,
@@ -184,6 +187,7 @@ fn save_checkpoint(mapper: &Mapper, path: &Path) -> Result<()> {
     out.put_record(PROGRESS, &state.progress)?;
     put_topology(&mut out, &state.topology)?;
     put_surface(&mut out, surface)?;
+    out.put_record(ROBOTS, &state.robots)?;
     let record = KeyRecord {
         newest: keys.newest,
         idle_cursor: keys.idle_cursor,
@@ -238,6 +242,8 @@ fn take_mapper(config: MapConfig, from: &mut Sections<'_>) -> Result<Mapper> {
     let progress: Progress = from.take_record(PROGRESS)?;
     let topology = take_topology(from)?;
     let surface = take_surface(from)?;
+    let has_robots = from.tags().any(|tag| tag == ROBOTS);
+    let robots = if has_robots { from.take_record(ROBOTS)? } else { Robots::default() };
     let record: KeyRecord = from.take_record(KEY_FRAMES)?;
     let key_frames = KeyFramesState {
         newest: record.newest,
@@ -252,7 +258,8 @@ fn take_mapper(config: MapConfig, from: &mut Sections<'_>) -> Result<Mapper> {
         block_ids: from.take_array(KEY_IDS)?,
     };
     let backend = take_backend(from)?;
-    Mapper::from_state(config, MapperState { progress, topology, surface, key_frames, backend })
+    let state = MapperState { progress, topology, surface, robots, key_frames, backend };
+    Mapper::from_state(config, state)
 }
 
 fn take_topology(from: &mut Sections<'_>) -> Result<TopologyState<'static>> {

@@ -5,8 +5,8 @@ use std::io::Cursor;
 use image::{DynamicImage, ImageDecoder};
 
 use super::{MAX_PIXELS, v1};
-use crate::error::{Error, Result};
-use crate::frame::{ColorImage, DepthImage, MAX_SIDE};
+use crate::error::{Error, Fault, Result};
+use crate::frame::{ColorImage, DepthImage, MAX_SIDE, check_unit};
 use crate::geometry::Intrinsics;
 
 /// Integer depth must have at least this many units in a metre, and at most the other.
@@ -16,7 +16,8 @@ const UNITS_PER_METRE: std::ops::RangeInclusive<f32> = 1.0..=1e6;
 pub(super) fn check_size(k: &Intrinsics) -> Result<()> {
     let sides = 1..=MAX_SIDE;
     if !sides.contains(&k.width) || !sides.contains(&k.height) || k.pixels() > MAX_PIXELS {
-        return Err(Error::invalid(
+        return Err(Error::frame(
+            Fault::Intrinsics,
             "intrinsics.width/height",
             format!(
                 "{}x{} must be within 1..={MAX_SIDE} each and {MAX_PIXELS} pixels in all",
@@ -47,7 +48,7 @@ pub(super) fn depth_from_wire(depth: v1::DepthImage, k: &Intrinsics) -> Result<D
             check_len("depth.data", depth.data.len(), k, "u16", 2)?;
             let raw: Vec<u16> =
                 depth.data.chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect();
-            Ok(DepthImage::from_u16(k.width, k.height, &raw, units))
+            integer_depth(&raw, units, k)
         }
         Encoding::F32Metres => {
             if units != 0.0 && units != 1.0 {
@@ -57,23 +58,28 @@ pub(super) fn depth_from_wire(depth: v1::DepthImage, k: &Intrinsics) -> Result<D
                 ));
             }
             check_len("depth.data", depth.data.len(), k, "f32", 4)?;
-            let metres = depth
+            let metres: Vec<f32> = depth
                 .data
                 .chunks_exact(4)
                 .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
                 .collect();
+            check_unit("depth.data", metres.iter().copied())?;
             Ok(DepthImage::from_metres(k.width, k.height, metres))
         }
         Encoding::Png16 => match decode("depth.data", &depth.data, image::ImageFormat::Png, k)? {
-            DynamicImage::ImageLuma16(grey) => {
-                Ok(DepthImage::from_u16(k.width, k.height, grey.as_raw(), units))
-            }
+            DynamicImage::ImageLuma16(grey) => integer_depth(grey.as_raw(), units, k),
             other => Err(Error::invalid(
                 "depth.data",
                 format!("PNG16 must be 16-bit grey, is {:?}", other.color()),
             )),
         },
     }
+}
+
+fn integer_depth(raw: &[u16], units: f32, k: &Intrinsics) -> Result<DepthImage> {
+    let metre = |d: &u16| if *d == u16::MAX { 0.0 } else { f32::from(*d) / units };
+    check_unit("depth.units_per_metre", raw.iter().map(metre))?;
+    Ok(DepthImage::from_u16(k.width, k.height, raw, units))
 }
 
 pub(super) fn color_from_wire(color: v1::ColorImage, k: &Intrinsics) -> Result<ColorImage> {
@@ -100,7 +106,8 @@ pub(super) fn color_from_wire(color: v1::ColorImage, k: &Intrinsics) -> Result<C
 fn check_len(field: &str, len: usize, k: &Intrinsics, kind: &str, bytes: usize) -> Result<()> {
     let needed = k.pixels() * bytes;
     if len != needed {
-        return Err(Error::invalid(
+        return Err(Error::frame(
+            Fault::SizeMismatch,
             field,
             format!("{len} bytes, but {}x{} {kind} needs {needed}", k.width, k.height),
         ));
@@ -121,7 +128,8 @@ fn decode(
         image::ImageReader::with_format(Cursor::new(data), format).into_decoder().map_err(wrong)?;
     let (width, height) = decoder.dimensions();
     if (width, height) != (k.width, k.height) {
-        return Err(Error::invalid(
+        return Err(Error::frame(
+            Fault::SizeMismatch,
             field,
             format!("is {width}x{height}, but intrinsics say {}x{}", k.width, k.height),
         ));

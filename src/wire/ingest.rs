@@ -10,7 +10,7 @@ use super::image::{check_size, color_from_wire, depth_from_wire};
 use super::v1;
 use crate::engine::{Queue, QueuePolicy, Reason, Verdict};
 use crate::error::{Error, Result};
-use crate::frame::Frame;
+use crate::frame::{Frame, MAX_NAME_BYTES};
 
 /// A frame as it came in. Sizes and encodings are right; the service checks the rest.
 #[derive(Debug)]
@@ -91,9 +91,11 @@ pub struct FrameSummary {
 
 impl From<&v1::Frame> for FrameSummary {
     fn from(message: &v1::Frame) -> Self {
+        // A name that is too long is refused; the refusal need not repeat all of it.
+        let name = |name: &str| name.chars().take(MAX_NAME_BYTES).collect::<String>().into();
         Self {
-            robot_id: message.robot_id.as_str().into(),
-            sensor_id: message.sensor_id.as_str().into(),
+            robot_id: name(&message.robot_id),
+            sensor_id: name(&message.sensor_id),
             seq: message.seq,
         }
     }
@@ -104,7 +106,7 @@ pub fn ack_to_wire(
     frame: &FrameSummary,
     verdict: Option<&Verdict>,
     newest: (u64, i64),
-    queue: Queue,
+    queue: &Queue,
     spent: Duration,
 ) -> v1::FrameAck {
     let mut ack = v1::FrameAck {
@@ -115,8 +117,9 @@ pub fn ack_to_wire(
         epoch: newest.0,
         newest_stamp_ns: newest.1,
         server_us: spent.as_micros() as u64,
-        queue_depth: queue.waiting as u32,
-        queue_capacity: queue.capacity as u32,
+        queue_depth: queue.waiting() as u32,
+        queue_capacity: queue.capacity() as u32,
+        credit: queue.credit() as u32,
         ..v1::FrameAck::default()
     };
     match verdict {
@@ -133,9 +136,7 @@ pub fn ack_to_wire(
             ack.set_status(v1::FrameStatus::Rejected);
             ack.set_reason(reason_to_wire(Reason::of(error)));
             ack.message = error.to_string();
-            if let Error::InvalidArgument { field, .. } = error {
-                ack.field = field.clone();
-            }
+            ack.field = error.field().unwrap_or_default().to_owned();
         }
     }
     ack
@@ -151,6 +152,13 @@ fn reason_to_wire(reason: Reason) -> v1::FrameReason {
         Reason::Exhausted => v1::FrameReason::Exhausted,
         Reason::Internal => v1::FrameReason::Internal,
         Reason::Reset => v1::FrameReason::Reset,
+        Reason::PoseNotFinite => v1::FrameReason::PoseNotFinite,
+        Reason::PoseNotRigid => v1::FrameReason::PoseNotRigid,
+        Reason::SizeMismatch => v1::FrameReason::SizeMismatch,
+        Reason::DepthUnit => v1::FrameReason::DepthUnit,
+        Reason::Intrinsics => v1::FrameReason::Intrinsics,
+        Reason::TooOld => v1::FrameReason::TooOld,
+        Reason::OutOfOrder => v1::FrameReason::OutOfOrder,
     }
 }
 
@@ -344,13 +352,14 @@ mod tests {
     #[test]
     fn acks_say_what_happened() {
         let frame = FrameSummary { robot_id: "robot".into(), sensor_id: "camera".into(), seq: 4 };
-        let queue = Queue { waiting: 1, capacity: 2 };
+        let queue = Queue::new(1, 2);
         let ack = |verdict: Option<&Verdict>| {
-            ack_to_wire(&frame, verdict, (8, 99), queue, Duration::from_micros(7))
+            ack_to_wire(&frame, verdict, (8, 99), &queue, Duration::from_micros(7))
         };
         let accepted = ack(None);
         assert_eq!((accepted.status(), accepted.epoch), (v1::FrameStatus::Accepted, 8));
         assert_eq!((accepted.seq, accepted.newest_stamp_ns, accepted.server_us), (4, 99, 7));
+        assert_eq!((accepted.queue_depth, accepted.queue_capacity, accepted.credit), (1, 2, 1));
         let integrated = ack(Some(&Verdict::Integrated { epoch: 7 }));
         assert_eq!((integrated.status(), integrated.epoch), (v1::FrameStatus::Integrated, 7));
         let error = Error::invalid("depth.data", "12 bytes");

@@ -6,6 +6,7 @@
 
 mod codec;
 mod columns;
+mod ending;
 mod geometry;
 mod image;
 mod ingest;
@@ -17,12 +18,16 @@ pub use codec::Messages;
 pub use columns::{
     COLUMNS, EPOCH, NEWEST_STAMP_NS, POINTS, SERVER_US, columns_from_wire, columns_to_wire,
 };
+pub use ending::{Deadline, Ending};
 pub use ingest::{FrameSummary, IncomingFrame, ack_to_wire, frame_to_wire};
 pub use maps::{
     map_detail_to_wire, map_list_from_wire, map_list_to_wire, map_reset_to_wire,
     map_stats_from_wire, map_stats_to_wire,
 };
-pub use query::{points_question_to_wire, points_reply_to_wire};
+pub use query::{
+    points_question_to_wire, points_reply_to_wire, stream_question_to_wire, stream_reply_from_wire,
+    stream_reply_to_wire,
+};
 pub use status::{Codes, error_from_http, error_from_status, status_from_error};
 
 /// The largest message that is read or written, bytes. A raw 720p depth and color pair takes 4.6 MB,
@@ -31,6 +36,9 @@ pub const MAX_MESSAGE_BYTES: usize = 64 << 20;
 
 /// The largest image that is decoded, pixels: a compressed message must not grow without bound.
 pub const MAX_PIXELS: usize = 16 << 20;
+
+/// The proto files, comments included, as reflection tells them.
+pub const DESCRIPTORS: &[u8] = tonic::include_file_descriptor_set!("orenx.v1");
 
 /// The generated messages and services of `orenx.v1`.
 #[allow(

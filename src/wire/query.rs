@@ -4,6 +4,8 @@ use std::time::Duration;
 
 use glam::Vec3;
 
+use super::geometry::required;
+use super::status::{Codes, error_from_status};
 use super::v1;
 use crate::error::{Error, Result};
 use crate::map::{Fields, PointAnswers};
@@ -123,6 +125,39 @@ impl From<v1::QueryPointsReply> for PointsReply {
     }
 }
 
+/// The message of a question in a stream.
+pub fn stream_question_to_wire(id: u64, question: &PointsQuestion) -> v1::StreamQueryRequest {
+    let question = v1::stream_query_request::Question::Points(points_question_to_wire(question));
+    v1::StreamQueryRequest { id, question: Some(question) }
+}
+
+/// The message of what became of a question in a stream.
+pub fn stream_reply_to_wire(id: u64, outcome: Result<PointsReply>) -> v1::StreamQueryReply {
+    use v1::stream_query_reply::Answer;
+    let answer = match outcome {
+        Ok(reply) => Answer::Points(points_reply_to_wire(reply)),
+        Err(error) => Answer::Error(v1::QueryError {
+            code: i32::from(Codes::of(error.status()).grpc) as u32,
+            field: error.field().unwrap_or_default().to_owned(),
+            message: error.to_string(),
+        }),
+    };
+    v1::StreamQueryReply { id, answer: Some(answer) }
+}
+
+/// What became of a question in a stream, and its number.
+pub fn stream_reply_from_wire(message: v1::StreamQueryReply) -> Result<(u64, Result<PointsReply>)> {
+    use v1::stream_query_reply::Answer;
+    let outcome = match required("answer", message.answer)? {
+        Answer::Points(reply) => Ok(reply.into()),
+        Answer::Error(error) => {
+            let code = tonic::Code::from_i32(error.code as i32);
+            Err(error_from_status(&tonic::Status::new(code, error.message)))
+        }
+    };
+    Ok((message.id, outcome))
+}
+
 fn flat(vectors: &[Vec3]) -> Vec<f32> {
     bytemuck::cast_slice(vectors).to_vec()
 }
@@ -203,6 +238,20 @@ mod tests {
                 prop_assert_eq!(question.points.len() * 3, numbers);
             }
         }
+    }
+
+    #[test]
+    fn what_became_of_a_streamed_question_comes_back() {
+        let error = Error::invalid("points_m[3].x", "NaN must be finite");
+        let message = stream_reply_to_wire(7, Err(error));
+        let Some(v1::stream_query_reply::Answer::Error(error)) = &message.answer else {
+            panic!("{message:?}")
+        };
+        assert_eq!((error.code, error.field.as_str()), (3, "points_m[3].x"));
+        let (id, outcome) = stream_reply_from_wire(message).expect("whole");
+        let error = outcome.expect_err("refused").to_string();
+        assert_eq!((id, error.as_str()), (7, "points_m[3].x: NaN must be finite"));
+        assert!(stream_reply_from_wire(v1::StreamQueryReply::default()).is_err());
     }
 
     #[test]

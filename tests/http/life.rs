@@ -83,8 +83,9 @@ async fn a_server_tells_what_it_is_and_how_its_map_is() {
         assert_eq!((answer["epoch"].as_u64(), answer["bounds"].is_null()), (Some(4), false));
         assert_eq!(answer["newest_stamp_ns"].as_i64(), Some(grpc.summary.newest_stamp_ns));
         assert_eq!(answer["modalities"], json!(["sdf", "occupancy"]));
-        let min = grpc.summary.bounds.min.to_array();
-        assert_eq!(answer["bounds"]["min"], json!(min));
+        let min = answer["bounds"]["min"].as_array().unwrap();
+        let min: Vec<f32> = min.iter().map(|n| n.as_f64().unwrap() as f32).collect();
+        assert_eq!(min, grpc.summary.bounds.min.to_array());
     };
     map(&get(at, "/v1/maps").await.json()["maps"][0]);
     let detail = get(at, "/v1/maps/default").await.json();
@@ -182,7 +183,8 @@ async fn a_server_on_its_way_down_says_why_it_is_not_ready() {
     let service = server.service.clone();
     let frame = Synthetic::room(100).with_width(64).load(0, false).unwrap();
     let why = readiness_on_the_way_down(&server, async || {
-        service.submit_frame(DEFAULT_MAP, frame, QueuePolicy::Block, Box::new(Bomb)).await;
+        let (session, sink) = (service.session(), Box::new(Bomb));
+        service.submit_frame(session, DEFAULT_MAP, frame, QueuePolicy::Block, sink).await;
     })
     .await;
     assert!(why.contains("the bomb in the mapper"), "{why}");

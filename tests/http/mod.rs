@@ -56,7 +56,7 @@ fn request(method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> V
 }
 
 /// Sends bytes, whatever they are, and reads what comes back until the server ends.
-async fn exchange(at: &str, bytes: Vec<u8>) -> Reply {
+async fn answer(at: &str, bytes: Vec<u8>) -> Vec<u8> {
     let stream = TcpStream::connect(at).await.unwrap();
     let (mut from, mut to) = stream.into_split();
     // A server that has heard enough ends before it has read all.
@@ -67,6 +67,12 @@ async fn exchange(at: &str, bytes: Vec<u8>) -> Reply {
     let mut answer = Vec::new();
     from.read_to_end(&mut answer).await.unwrap();
     sending.abort();
+    answer
+}
+
+/// A request and its reply.
+async fn exchange(at: &str, bytes: Vec<u8>) -> Reply {
+    let answer = answer(at, bytes).await;
     let end = answer.windows(4).position(|w| w == b"\r\n\r\n").expect("a whole head") + 4;
     let head = String::from_utf8(answer[..end].to_vec()).unwrap();
     let status = head.split(' ').nth(1).unwrap().parse().unwrap();

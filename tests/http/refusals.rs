@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use serde_json::json;
 
-use super::{JSON, POINTS, RAW, Reply, exchange, get, metric, post_json, request};
+use super::{JSON, POINTS, RAW, Reply, answer, exchange, get, metric, post_json, request};
 use crate::server::start;
 
 const MAX_POINTS: usize = 1000;
@@ -59,7 +59,7 @@ fn json_cases() -> Vec<Case> {
     vec![
         body("no body", "", "body", &["EOF"]),
         body("no object", "7", "body", &["PointsRequest"]),
-        body("truncated", r#"{"points_m":[[0,0,0],[1"#, "points_m[1].x", &["EOF", "line 1"]),
+        body("truncated", r#"{"points_m":[[0,0,0],[1"#, "points_m[1]", &["EOF", "line 1"]),
         body("more behind", r#"{"points_m":[]}{"#, "body", &["trailing"]),
         body("no points", r#"{"fields":[]}"#, "body", &["missing field `points_m`"]),
         body("an unknown key", r#"{"points_m":[],"radius":1}"#, "radius", &["unknown field"]),
@@ -303,8 +303,9 @@ async fn a_wrong_method_is_told_the_right_one() {
 async fn noise_does_no_harm() {
     let server = start(|_| {}).await;
     for noise in ["\0\0\0\r\n\r\n", "GET\r\n\r\n", "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"] {
-        let reply = exchange(&server.http, noise.into()).await;
-        assert!((400..600).contains(&reply.status), "{}", reply.head);
+        let answer = answer(&server.http, noise.into()).await;
+        let text = String::from_utf8_lossy(&answer);
+        assert!(text.is_empty() || text.starts_with("HTTP/1.1 4"), "{noise:?}: {text}");
     }
     let huge = "x".repeat(1 << 20);
     let reply = exchange(&server.http, request("GET", "/", &[("x-huge", &huge)], b"")).await;

@@ -70,7 +70,16 @@ async fn a_mapper_that_fails_ends_the_server_with_an_error() {
         HealthClient::new(server.channel.clone()).watch(health_of("")).await.unwrap().into_inner();
     assert_eq!(watch.message().await.unwrap().unwrap().status(), ServingStatus::Serving);
     let frame = Synthetic::room(100).with_width(64).load(0, false).unwrap();
-    server.service.submit_frame(DEFAULT_MAP, frame, QueuePolicy::Block, Box::new(Bomb)).await;
+    server
+        .service
+        .submit_frame(
+            server.service.session(),
+            DEFAULT_MAP,
+            frame,
+            QueuePolicy::Block,
+            Box::new(Bomb),
+        )
+        .await;
     assert_eq!(watch.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
     drop(watch);
     let served = server.serving.await.unwrap().expect_err("the mapper failed").to_string();
@@ -98,7 +107,10 @@ async fn a_stopped_server_drops_frames_and_says_why() {
     let frame = Synthetic::room(100).with_width(64).load(0, false).unwrap();
     let (told, verdict) = tokio::sync::oneshot::channel();
     let sink = Box::new(Told(told));
-    server.service.submit_frame(DEFAULT_MAP, frame, QueuePolicy::Block, sink).await;
+    server
+        .service
+        .submit_frame(server.service.session(), DEFAULT_MAP, frame, QueuePolicy::Block, sink)
+        .await;
     assert!(matches!(verdict.await.unwrap(), Verdict::Dropped(Reason::Stopping)));
     let counts = server.service.map_stats(DEFAULT_MAP).unwrap().counts;
     assert_eq!(counts.dropped, [(Reason::Stopping, 1)]);

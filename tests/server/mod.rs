@@ -1,10 +1,12 @@
 //! A whole server on a free port, asked through gRPC.
 
+mod bad_input;
 mod frames;
 mod lifecycle;
 mod maps;
-mod protocol;
 mod questions;
+mod sensors;
+mod streams;
 
 use std::sync::Arc;
 

@@ -1,60 +1,12 @@
-//! Questions and their refusals.
+//! Questions and their answers, and those who do not wait for them.
+
+use std::future::Future;
 
 use glam::Vec3;
-use orenx::error::Status;
 use orenx::map::Fields;
 use orenx::service::DEFAULT_MAP;
-use orenx::wire::v1;
-use tonic::Code;
 
 use super::{good_frame, open_stream, start, verdict};
-
-/// A question, the code of its refusal and what the refusal must say.
-type Refusal = (v1::QueryPointsRequest, Code, &'static [&'static str]);
-
-fn ask(map_id: &str, points_m: &[f32]) -> v1::QueryPointsRequest {
-    v1::QueryPointsRequest {
-        map_id: map_id.into(),
-        points_m: points_m.to_vec(),
-        ..v1::QueryPointsRequest::default()
-    }
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn bad_questions_are_refused_by_name() {
-    let server = start(|settings| settings.server.max_points = 1000).await;
-    let many = vec![0.0; 3 * 1001];
-    let late = v1::QueryPointsRequest { min_epoch: 1, ..ask(DEFAULT_MAP, &[0.0; 3]) };
-    let field = v1::QueryPointsRequest { fields: vec![1, 77], ..ask(DEFAULT_MAP, &[0.0; 3]) };
-    let huge = vec![0.0; 17 << 20];
-    let refusals: [Refusal; 8] = [
-        (ask("", &[0.0; 3]), Code::InvalidArgument, &["map_id", "default"]),
-        (ask("attic", &[0.0; 3]), Code::NotFound, &["map_id", "attic"]),
-        (ask(DEFAULT_MAP, &[0.0; 4]), Code::InvalidArgument, &["points_m", "4"]),
-        (
-            ask(DEFAULT_MAP, &[0.0, 0.0, 0.0, 0.0, f32::NAN, 0.0]),
-            Code::InvalidArgument,
-            &["points_m[1].y", "NaN", "finite"],
-        ),
-        (ask(DEFAULT_MAP, &many), Code::InvalidArgument, &["points_m", "1001", "1000"]),
-        (field, Code::InvalidArgument, &["fields[1]", "77", "GRADIENT"]),
-        (late, Code::FailedPrecondition, &["min_epoch", "1", "0"]),
-        (ask(DEFAULT_MAP, &huge), Code::OutOfRange, &["67108864"]),
-    ];
-    let mut client = v1::query_client::QueryClient::new(server.channel.clone());
-    for (question, code, words) in refusals {
-        let status = client.query_points(question).await.expect_err(words[0]);
-        assert_eq!(status.code(), code, "{}", status.message());
-        for word in words {
-            assert!(status.message().contains(word), "{word} in: {}", status.message());
-        }
-    }
-    let unknown = server.client.map_stats("attic").await.expect_err("no such map");
-    assert_eq!(unknown.status(), Status::NotFound);
-    let reply = client.query_points(ask(DEFAULT_MAP, &[0.5, 0.5, 0.5])).await.unwrap();
-    assert_eq!(reply.into_inner().state, [0]);
-    server.stop().await.0.unwrap();
-}
 
 #[tokio::test(flavor = "multi_thread")]
 async fn only_the_columns_that_were_asked_for_come_back() {
@@ -100,5 +52,25 @@ async fn a_large_question_has_the_answers_of_small_ones() {
         assert_eq!(bits(&small.answers.distance), bits(&large.answers.distance[range.clone()]));
         assert_eq!(bits(&small.answers.occupancy), bits(&large.answers.occupancy[range]));
     }
+    server.stop().await.0.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_that_cancels_does_not_keep_others_waiting() {
+    let server = start(|settings| settings.server.max_points = 100_000).await;
+    let points = vec![Vec3::ONE; 100_000];
+    for _ in 0..10 {
+        let ask = server.client.query_points(DEFAULT_MAP, &points, Fields::ALL, 0);
+        let mut ask = Box::pin(ask);
+        // Sent, and left before the answer.
+        let polled = std::future::poll_fn(|context| {
+            std::task::Poll::Ready(ask.as_mut().poll(context).is_pending())
+        });
+        assert!(polled.await, "no answer comes at once");
+        tokio::task::yield_now().await;
+        drop(ask);
+    }
+    let reply = server.client.query_points(DEFAULT_MAP, &points, Fields::ALL, 0).await.unwrap();
+    assert_eq!(reply.answers.state.len(), points.len());
     server.stop().await.0.unwrap();
 }

@@ -77,10 +77,7 @@ impl From<Error> for Refusal {
     fn from(error: Error) -> Self {
         let codes = Codes::of(error.status());
         let message = error.to_string();
-        let field = match error {
-            Error::InvalidArgument { field, .. } => Some(field),
-            _ => None,
-        };
+        let field = error.field().map(str::to_owned);
         let status = StatusCode::from_u16(codes.http).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
         Self { status, code: codes.name, field, message }
     }
