@@ -1,5 +1,6 @@
 //! Answers: the server's edges.
 
+mod calls;
 mod deadline;
 mod grpc;
 mod http;

@@ -10,6 +10,7 @@ use tonic::transport::Server;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
+use super::calls::{Calls, Counting};
 use super::deadline::Deadlines;
 use super::grpc::Edge;
 use super::listeners::Listeners;
@@ -51,8 +52,9 @@ pub async fn run(
     let query = QueryServer::new(edge.clone())
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let calls = Arc::<Calls>::default();
     if let Some(http) = &http {
-        http.serve(service.clone());
+        http.serve(service.clone(), calls.clone());
     }
     let mut told = closing;
     let serving = Server::builder()
@@ -62,6 +64,7 @@ pub async fn run(
         .max_concurrent_streams(CONNECTION_REQUESTS)
         .http2_keepalive_interval(Some(KEEPALIVE))
         .tcp_nodelay(true)
+        .layer(Counting(calls))
         .layer(Deadlines)
         .add_service(health_service)
         .add_service(reflection().build_v1().map_err(reflection_error)?)

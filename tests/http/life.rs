@@ -134,6 +134,12 @@ async fn what_happens_is_counted() {
     let answered = format!("orenx_http_requests_total{{{route},status=\"200\"}}");
     assert_eq!(metric(at, &answered).await, 1.0);
     assert_eq!(metric(at, &format!("orenx_http_request_seconds_count{{{route}}}")).await, 1.0);
+    server.client.map_stats("attic").await.expect_err("no such map");
+    let call = |rpc: &str, code: &str| {
+        format!("orenx_grpc_requests_total{{rpc=\"orenx.v1.{rpc}\",code=\"{code}\"}}")
+    };
+    assert_eq!(metric(at, &call("Query/QueryPoints", "OK")).await, 1.0);
+    assert_eq!(metric(at, &call("Maps/GetMapStats", "NOT_FOUND")).await, 1.0);
     let page = get(at, "/metrics").await;
     assert_eq!(page.header("content-type"), "text/plain; version=0.0.4; charset=utf-8");
     server.stop().await.0.unwrap();

@@ -14,6 +14,7 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::{JoinHandle, JoinSet};
 
+use super::super::calls::Calls;
 use super::limits::Limits;
 use super::stall::Stall;
 use super::{Edge, router};
@@ -53,9 +54,9 @@ impl Door {
         self.address
     }
 
-    /// The map is loaded: questions are answered from now on.
-    pub(in crate::serve) fn serve(&self, service: Arc<Service>) {
-        self.edge.serve(service);
+    /// The map is loaded: questions are answered from now on. `calls` are those over gRPC.
+    pub(in crate::serve) fn serve(&self, service: Arc<Service>, calls: Arc<Calls>) {
+        self.edge.serve(service, calls);
     }
 
     /// Says that it is not ready any more, and why, and goes on answering.

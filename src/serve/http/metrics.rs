@@ -91,6 +91,11 @@ fn maps(page: &mut Page, service: &Service) {
 }
 
 fn requests(page: &mut Page, edge: &Edge) {
+    let name = "orenx_grpc_requests_total";
+    page.family(name, "counter", "Ended calls; the clients of CANCELLED left before.");
+    for (call, code, count) in edge.calls.get().map(|calls| calls.read()).unwrap_or_default() {
+        page.sample(name, &[("rpc", call), ("code", code)], count);
+    }
     let all = edge.requests.read();
     let name = "orenx_http_requests_total";
     page.family(name, "counter", "Answered requests; the clients of 499 left before.");

@@ -29,6 +29,7 @@ use bytes::Bytes;
 use serde::Serialize;
 use tokio::sync::Semaphore;
 
+use super::calls::Calls;
 use crate::error::Error;
 use crate::service::Service;
 use limits::Limits;
@@ -42,6 +43,8 @@ const JSON: HeaderValue = HeaderValue::from_static("application/json");
 struct Edge {
     /// Absent while the map is being loaded.
     service: OnceLock<Arc<Service>>,
+    /// What came over gRPC, for the metrics.
+    calls: OnceLock<Arc<Calls>>,
     /// Why the server is not ready any more.
     stopping: OnceLock<String>,
     limits: Limits,
@@ -56,6 +59,7 @@ impl Edge {
     fn new(limits: Limits) -> Self {
         Self {
             service: OnceLock::new(),
+            calls: OnceLock::new(),
             stopping: OnceLock::new(),
             places: Semaphore::new(limits.requests),
             memory: body::memory(&limits),
@@ -66,7 +70,8 @@ impl Edge {
     }
 
     /// The map is loaded. It is loaded once.
-    fn serve(&self, service: Arc<Service>) {
+    fn serve(&self, service: Arc<Service>, calls: Arc<Calls>) {
+        let _ = self.calls.set(calls);
         let _ = self.service.set(service);
     }
 
