@@ -11,13 +11,15 @@ export ORENX_TEST_DATA := $(or $(realpath $(ORENX_TEST_DATA)),$(ORENX_TEST_DATA)
 # One optimised profile for all, so that a fresh machine compiles the dependencies once.
 CARGO_FLAGS := --release --locked
 
-.PHONY: demo test lint setup setup-lint
+.PHONY: demo test lint setup setup-test setup-lint
 .DEFAULT_GOAL := demo
 
 demo: setup
 	cargo run $(CARGO_FLAGS) -- demo
 
-test: setup
+# Where the tools are that tests call. A test without this says that it is skipped.
+test: export ORENX_TEST_TOOLS := $(CURDIR)/.venv/bin
+test: setup-test
 	cargo test $(CARGO_FLAGS)
 
 lint: setup-lint
@@ -29,6 +31,9 @@ lint: setup-lint
 
 setup:
 	.ci/setup build
+
+setup-test:
+	.ci/setup test
 
 setup-lint:
 	.ci/setup lint

@@ -28,6 +28,9 @@ pub enum Error {
     /// The server is starting or stopping.
     #[error("{0}")]
     Unavailable(String),
+    /// There was no answer within the time that the caller gave.
+    #[error("{0}")]
+    DeadlineExceeded(String),
     /// Stored bytes are damaged or not ours.
     #[error("{what} is damaged: {problem}")]
     Corrupt { what: String, problem: String },
@@ -69,6 +72,7 @@ pub enum Status {
     ResourceExhausted,
     FailedPrecondition,
     Unavailable,
+    DeadlineExceeded,
     DataLoss,
     Internal,
 }
@@ -110,6 +114,7 @@ impl Error {
             Self::ResourceExhausted { .. } => Status::ResourceExhausted,
             Self::FailedPrecondition(_) => Status::FailedPrecondition,
             Self::Unavailable(_) => Status::Unavailable,
+            Self::DeadlineExceeded(_) => Status::DeadlineExceeded,
             Self::Corrupt { .. } => Status::DataLoss,
             Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
                 Status::NotFound

@@ -7,10 +7,11 @@ mod counters;
 mod maps;
 mod question;
 mod readers;
+mod times;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crate::config::{MapConfig, ServerConfig};
 use crate::engine::{
@@ -20,12 +21,15 @@ use crate::engine::{
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::map::Mapper;
+use crate::telemetry::Distribution;
 
 pub use counters::FrameCounts;
 use counters::{Counted, Counters};
 pub use maps::{MapDetail, MapReport, MapSummary};
 pub use question::{MAP_FRAME, PointsQuestion, PointsReply, Unknown, UnknownPolicy, points_of};
 use readers::Readers;
+use times::Times;
+pub use times::{Call, CallTimes};
 
 /// The id of the one map.
 pub const DEFAULT_MAP: &str = "default";
@@ -37,6 +41,7 @@ pub struct Service {
     mapper: Handle,
     readers: Readers,
     counters: Arc<Counters>,
+    times: Times,
     max_points: usize,
 }
 
@@ -63,6 +68,7 @@ impl Service {
             mapper: engine.handle(),
             readers: Readers::start(config.query_threads, config.max_points)?,
             counters: Arc::default(),
+            times: Times::default(),
             max_points: config.max_points,
         };
         Ok((Arc::new(service), engine))
@@ -105,8 +111,8 @@ impl Service {
 
     /// Answers points from the newest view, if it is as new as the question demands. Small questions
     /// are answered on the calling thread, others on the readers, chunk by chunk; a dropped future
-    /// stops the work at the next chunk.
-    pub async fn query_points(&self, question: PointsQuestion) -> Result<PointsReply> {
+    /// stops the work at the next chunk. `call` says whose times these are.
+    pub async fn query_points(&self, question: PointsQuestion, call: Call) -> Result<PointsReply> {
         let started = Instant::now();
         let Published { view, framed_at, .. } = self.map(&question.map_id)?.published();
         question.check(self.max_points)?;
@@ -114,12 +120,14 @@ impl Service {
         question.demand(epoch, framed_at.map(|at| started.saturating_duration_since(at)))?;
         let fill = question.unknown.fill(view.config().max_distance_m);
         let PointsQuestion { points, fields, .. } = question;
-        let answers = if points.len() <= readers::IN_PLACE {
-            readers::evaluate(&view, &points, fields, fill)?
+        let (answers, queued) = if points.len() <= readers::IN_PLACE {
+            (readers::evaluate(&view, &points, fields, fill)?, Duration::ZERO)
         } else {
             self.readers.query(view, points, fields, fill).await?
         };
-        Ok(PointsReply { answers, epoch, newest_stamp_ns, spent: started.elapsed() })
+        let spent = started.elapsed();
+        self.times.observe(call, queued, spent);
+        Ok(PointsReply { answers, epoch, newest_stamp_ns, spent })
     }
 
     /// Every map.
@@ -149,6 +157,21 @@ impl Service {
             counts: self.counters.read(),
             resident_bytes: crate::telemetry::resident_bytes(),
         })
+    }
+
+    /// What became of the frames.
+    pub fn frame_counts(&self) -> FrameCounts {
+        self.counters.read()
+    }
+
+    /// How long answers took, by call.
+    pub fn call_times(&self) -> Vec<CallTimes> {
+        self.times.read()
+    }
+
+    /// How long integrated frames took until questions saw them.
+    pub fn frame_times(&self) -> Distribution {
+        self.counters.visible_after()
     }
 
     /// The newest epoch and the capture time of its newest frame, for acks.

@@ -1,4 +1,8 @@
-//! What the process says about itself: logs and memory.
+//! What the process says about itself: logs, memory, times.
+
+mod histogram;
+
+pub use histogram::{BOUNDS_S, Distribution, Histogram};
 
 use tracing_subscriber::EnvFilter;
 

@@ -9,6 +9,7 @@
 
 mod bad_files; // damaged maps, points, recordings and settings on the command line
 mod house; // the rules of the house held against its files: floors, names, sizes
+mod http; // the same server over HTTP: probes, answers, bad input, the document
 mod map_command; // what `orenx map` says to bad input
 mod mapping; // the promises of a map against closed-form scenes
 mod recordings; // real recordings through the readers

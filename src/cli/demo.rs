@@ -1,6 +1,8 @@
 //! `orenx demo`: a server with its built-in defaults and a simulated robot that maps a furnished
 //! room into it over gRPC, as any robot would.
 
+mod curl;
+
 use std::io::IsTerminal;
 use std::num::NonZeroUsize;
 use std::sync::Arc;
@@ -10,7 +12,6 @@ use anyhow::{Context, bail};
 use clap::Args;
 use glam::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
-use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 
 use super::invocation::invocation;
@@ -22,7 +23,7 @@ use crate::dataset::synthetic::truth::{Region, points};
 use crate::dataset::synthetic::{Scene, Synthetic};
 use crate::engine::QueuePolicy;
 use crate::map::{Fields, State};
-use crate::serve;
+use crate::serve::{self, Listeners};
 use crate::service::{DEFAULT_MAP, Service};
 
 /// One walk through the room; with a terminal at the pace of a slow camera, so that there is
@@ -58,18 +59,20 @@ impl DemoArgs {
 async fn demo() -> anyhow::Result<()> {
     let (mut config, map) = ServerConfig::from_settings(&Settings::default())?;
     config.storage = None; // a demo leaves no map behind, and finds none
-    let listener = listen(&config).await?;
-    let url = format!("http://{}", listener.local_addr()?);
-    println!("orenx serves gRPC on {url}, with the settings of deploy/orenx.toml, in memory");
+    let listeners = listen(&mut config).await?;
+    let grpc = format!("grpc://{}", listeners.grpc_address()?);
+    let address = listeners.http_address().context("HTTP is on by default")?;
+    let http = format!("http://{address}");
+    println!("orenx serves gRPC on {grpc} and HTTP on {http}, in memory");
 
     let (service, engine) = Service::start(&config, map)?;
     let (stop, stopped) = oneshot::channel::<()>();
-    let mut serving = tokio::spawn(serve::run(listener, service, async {
+    let mut serving = tokio::spawn(serve::run(listeners, service, async {
         // Either way it is over.
         let _ = stopped.await;
     }));
     let shown = tokio::select! {
-        shown = show(&url) => shown,
+        shown = show(&grpc, &http) => shown,
         () = interrupted() => {
             println!("\nstopping");
             Ok(())
@@ -86,23 +89,26 @@ async fn demo() -> anyhow::Result<()> {
     shown
 }
 
-/// The usual port, or any free one if it is taken.
-async fn listen(config: &ServerConfig) -> anyhow::Result<TcpListener> {
-    match TcpListener::bind(config.grpc).await {
-        Ok(listener) => Ok(listener),
-        Err(error) if error.kind() == std::io::ErrorKind::AddrInUse => {
-            println!("{} is taken; taking a free port", config.grpc);
-            Ok(TcpListener::bind((config.grpc.ip(), 0)).await?)
+/// The usual ports, or any free ones if one is taken.
+async fn listen(config: &mut ServerConfig) -> anyhow::Result<Listeners> {
+    match Listeners::bind(config).await {
+        Ok(listeners) => Ok(listeners),
+        Err(error) => {
+            println!("{error}; taking free ports");
+            config.grpc.set_port(0);
+            if let Some(http) = &mut config.http {
+                http.set_port(0);
+            }
+            Ok(Listeners::bind(config).await?)
         }
-        Err(error) => Err(error).with_context(|| format!("cannot listen on {}", config.grpc)),
     }
 }
 
-async fn show(url: &str) -> anyhow::Result<()> {
+async fn show(grpc: &str, http: &str) -> anyhow::Result<()> {
     let watched = std::io::stdout().is_terminal();
     let frames = if watched { FRAMES_WATCHED } else { FRAMES_UNWATCHED };
     let room = Arc::new(Synthetic::room(frames).with_width(WIDTH));
-    let client = Client::connect(url).await?;
+    let client = Client::connect(grpc).await?;
     let questions = questions(&room);
 
     let report = drive(&client, room, watched).await?;
@@ -116,13 +122,15 @@ async fn show(url: &str) -> anyhow::Result<()> {
     println!("\nask the map, in another terminal, from this folder:");
     let program = invocation();
     for question in &questions {
-        println!("  {}", question.command(&program, url));
+        println!("  {}", question.command(&program, http));
     }
+    let posted = curl::body(questions.iter().map(|q| q.point));
+    println!("\nor without orenx:\n{}", curl::lines(http, &posted));
     if watched {
         println!("\nCtrl-C ends the demo");
         return std::future::pending().await;
     }
-    check(&client, &questions, report.epoch).await
+    check(&client, &questions, report.epoch, (http, posted)).await
 }
 
 /// The robot: frames in, progress out.
@@ -208,6 +216,15 @@ impl Question {
         format!("{program} query {url} --point {:.2},{:.2},{:.2}   # {}", p.x, p.y, p.z, self.what)
     }
 
+    fn is_answered(&self, state: u8, distance_m: f32) -> bool {
+        let error_m = (distance_m - self.distance_m).abs();
+        let is_near = match self.state {
+            State::Unknown => distance_m.is_nan(),
+            _ => error_m <= self.tolerance_m(),
+        };
+        state == self.state as u8 && is_near
+    }
+
     fn tolerance_m(&self) -> f32 {
         if self.distance_m.abs() <= NEAR_M { TOLERANCE_NEAR_M } else { TOLERANCE_FAR_M }
     }
@@ -248,29 +265,40 @@ fn as_printed(scene: &Scene, point: Vec3) -> Option<(Vec3, f32)> {
     scene.is_exact(printed).then(|| (printed, scene.distance(printed)))
 }
 
-/// Asks what was printed and compares the answers with the room.
-async fn check(client: &Client, questions: &[Question], epoch: u64) -> anyhow::Result<()> {
+/// Asks what was printed, over both transports, and compares the answers with the room.
+async fn check(
+    client: &Client,
+    questions: &[Question],
+    epoch: u64,
+    (http, posted): (&str, String),
+) -> anyhow::Result<()> {
     let places: Vec<Vec3> = questions.iter().map(|q| q.point).collect();
     let reply = client.query_points(DEFAULT_MAP, &places, Fields::ALL, epoch).await?;
     println!("\nits own answers, of epoch {}:", reply.epoch);
     let mut wrong = 0;
     for (i, question) in questions.iter().enumerate() {
         let (state, distance_m) = (reply.answers.state[i], reply.answers.distance[i]);
-        let error_m = (distance_m - question.distance_m).abs();
-        let (verdict, is_right) = if question.state == State::Unknown {
-            let is_right = state == State::Unknown as u8 && distance_m.is_nan();
-            ("unknown is expected".to_owned(), is_right)
-        } else {
-            let tolerance_m = question.tolerance_m();
-            let text = format!("{:.3} m is exact, {tolerance_m} m allowed", question.distance_m);
-            (text, state == question.state as u8 && error_m <= tolerance_m)
+        let is_right = question.is_answered(state, distance_m);
+        let expected = match question.state {
+            State::Unknown => "unknown is expected".to_owned(),
+            _ => format!(
+                "{:.3} m is exact, {} m allowed",
+                question.distance_m,
+                question.tolerance_m()
+            ),
         };
         let mark = if is_right { "right" } else { "WRONG" };
-        println!("  {mark}: {}: state {state}, {distance_m:.3} m ({verdict})", question.what);
+        println!("  {mark}: {}: state {state}, {distance_m:.3} m ({expected})", question.what);
         wrong += usize::from(!is_right);
     }
+    let answers = curl::ask(http, posted).await?;
+    let numbers = answers.state.iter().zip(&answers.distance);
+    let right =
+        questions.iter().zip(numbers).filter(|(q, (state, d))| q.is_answered(**state, **d)).count();
+    println!("over HTTP, as curl asks: {right} of {} right", questions.len());
+    wrong += questions.len() - right;
     if questions.len() < 4 || wrong > 0 {
-        bail!("{wrong} of {} answers are wrong", questions.len());
+        bail!("{wrong} answers are wrong");
     }
     Ok(())
 }

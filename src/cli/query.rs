@@ -11,11 +11,11 @@ use rayon::ThreadPool;
 use tokio::runtime::Runtime;
 
 use super::open::{is_url, open_view};
-use crate::client::Client;
+use crate::client::Questioner;
 use crate::error::{Error, Result};
 use crate::map::{Fields, MapView, PointAnswers, State, query_parallel, query_pool};
 use crate::numpy::{ArchiveWriter, ArrayReader, Element, write_values};
-use crate::service::DEFAULT_MAP;
+use crate::service::PointsQuestion;
 use crate::storage::{folder_of, write_file};
 
 /// Points in memory at a time, whatever the size of the file.
@@ -24,7 +24,7 @@ const PIECE_POINTS: usize = 1 << 17;
 /// Ask a map about points: signed distance, gradient, occupancy, state
 #[derive(Debug, Args)]
 pub struct QueryArgs {
-    /// Map file, or the URL of a server
+    /// Map file, or the URL of a server, as in http://127.0.0.1:7611 or grpc://127.0.0.1:7610
     pub map: String,
     /// A point in world metres; may be repeated
     #[arg(
@@ -63,7 +63,7 @@ impl QueryArgs {
 /// Who answers.
 enum Source {
     View { view: Arc<MapView>, pool: ThreadPool },
-    Server { client: Client, runtime: Runtime },
+    Server { client: Questioner, runtime: Runtime },
 }
 
 impl Source {
@@ -73,7 +73,7 @@ impl Source {
                 .enable_all()
                 .build()
                 .map_err(|e| Error::Internal(format!("cannot start a runtime: {e}")))?;
-            let client = runtime.block_on(Client::connect(map))?;
+            let client = runtime.block_on(Questioner::connect(map))?;
             return Ok(Self::Server { client, runtime });
         }
         Ok(Self::View { view: open_view(Path::new(map))?, pool: query_pool(0)? })
@@ -87,8 +87,8 @@ impl Source {
             }
             // Each piece is answered by the newest epoch.
             Self::Server { client, runtime } => {
-                let question = client.query_points(DEFAULT_MAP, points, Fields::ALL, 0);
-                Ok(runtime.block_on(question)?.answers)
+                let question = PointsQuestion::new(points.to_vec());
+                Ok(runtime.block_on(client.ask(&question))?.answers)
             }
         }
     }

@@ -4,10 +4,9 @@ use std::path::PathBuf;
 
 use anyhow::Context;
 use clap::Args;
-use tokio::net::TcpListener;
 
 use crate::config::{ServerConfig, Settings};
-use crate::serve;
+use crate::serve::{self, Listeners};
 use crate::service::Service;
 
 /// Serve a map: take frames, answer questions, save at the end
@@ -29,14 +28,19 @@ impl ServeArgs {
         let (config, map) = ServerConfig::from_settings(&settings)?;
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
         runtime.block_on(async {
-            // The port first: a second server must not wait for a map before it says so.
-            let listener = TcpListener::bind(config.grpc)
-                .await
-                .with_context(|| format!("server.grpc: cannot listen on {}", config.grpc))?;
-            let (service, engine) = Service::start(&config, map)?;
+            // The ports first: a second server must not wait for a map before it says so, and probes
+            // are told that it is being loaded.
+            let listeners = Listeners::bind(&config).await?;
+            let start = config.clone();
+            let started = tokio::task::spawn_blocking(move || Service::start(&start, map));
+            let (service, engine) = started.await.context("loading the map")??;
             let epoch = service.newest().0;
-            println!("orenx serves gRPC on http://{}, epoch {epoch}", listener.local_addr()?);
-            let served = serve::run(listener, service, interrupted()).await;
+            println!("orenx serves gRPC on grpc://{}", listeners.grpc_address()?);
+            if let Some(address) = listeners.http_address() {
+                println!("orenx serves HTTP on http://{address}");
+            }
+            println!("epoch {epoch}");
+            let served = serve::run(listeners, service, interrupted()).await;
             // Joins the mapper: what went wrong there comes back from either.
             let saved = engine.stop();
             served?;

@@ -1,5 +1,8 @@
-//! A gRPC client: what the demo robot, `orenx stream` and `orenx query URL` speak through.
+//! Clients of a server: gRPC for the demo robot, `orenx stream` and whoever asks; HTTP for those who
+//! prefer it.
 
+mod http;
+mod questioner;
 mod stream;
 
 use std::time::Duration;
@@ -21,6 +24,8 @@ use crate::wire::{
     points_question_to_wire, stream_question_to_wire, stream_reply_from_wire, v1,
 };
 
+pub use http::HttpClient;
+pub use questioner::Questioner;
 pub use stream::{Pace, StreamReport, load_ahead, send};
 
 /// How long a connection may take to be made.

@@ -26,6 +26,7 @@ pub struct Settings {
 #[serde(deny_unknown_fields, default)]
 pub struct ServerSettings {
     pub grpc: String,
+    pub http: String,
     pub query_threads: u32,
     pub max_points: u32,
     pub lane_frames: u32,
@@ -58,6 +59,7 @@ impl Default for ServerSettings {
     fn default() -> Self {
         Self {
             grpc: "127.0.0.1:7610".into(),
+            http: "127.0.0.1:7611".into(),
             query_threads: 0,
             max_points: 1_000_000,
             lane_frames: 2,
@@ -80,6 +82,8 @@ impl Default for StorageSettings {
 #[derive(Debug, Clone, PartialEq)]
 pub struct ServerConfig {
     pub grpc: SocketAddr,
+    /// `None`: no HTTP.
+    pub http: Option<SocketAddr>,
     /// At least one.
     pub query_threads: usize,
     pub max_points: usize,
@@ -102,12 +106,14 @@ impl ServerConfig {
     /// Checks a settings file, its map included.
     pub fn from_settings(settings: &Settings) -> Result<(Self, MapConfig)> {
         let server = &settings.server;
-        let grpc = server.grpc.parse().map_err(|_| {
-            Error::invalid(
-                "server.grpc",
-                format!("'{}' is no address and port, as in 127.0.0.1:7610", server.grpc),
-            )
-        })?;
+        let address = |key: &str, text: &str, port: u16| {
+            text.parse::<SocketAddr>().map_err(|_| {
+                Error::invalid(
+                    format!("server.{key}"),
+                    format!("'{text}' is no address and port, as in 127.0.0.1:{port}"),
+                )
+            })
+        };
         let within = |key: &str, value: u32, range: std::ops::RangeInclusive<u32>| {
             if range.contains(&value) {
                 return Ok(value as usize);
@@ -123,7 +129,11 @@ impl ServerConfig {
             threads => threads,
         };
         let config = Self {
-            grpc,
+            grpc: address("grpc", &server.grpc, 7610)?,
+            http: match server.http.as_str() {
+                "" => None,
+                text => Some(address("http", text, 7611)?),
+            },
             query_threads,
             // The reply of the largest question must fit in one message.
             max_points: within("max_points", server.max_points, 1..=3_000_000)?,
@@ -204,6 +214,16 @@ mod tests {
     }
 
     #[test]
+    fn http_is_on_loopback_unless_it_is_off() {
+        let http = |text: &str| {
+            let settings = Settings::parse(text, "test").expect("parses");
+            ServerConfig::from_settings(&settings).expect("good").0.http
+        };
+        assert_eq!(http(""), Some("127.0.0.1:7611".parse().expect("an address")));
+        assert_eq!(http("[server]\nhttp = \"\"\n"), None);
+    }
+
+    #[test]
     fn a_typo_is_named_with_its_line() {
         let error = Settings::parse("[server]\nlanes = 3\nlane_frame = 2\n", "my.toml")
             .expect_err("unknown key")
@@ -218,6 +238,7 @@ mod tests {
         for (text, key) in [
             ("[server]\nlanes = 0\n", "server.lanes"),
             ("[server]\ngrpc = \"here\"\n", "server.grpc"),
+            ("[server]\nhttp = \"7611\"\n", "server.http"),
             ("[server]\ntrainer_nice = 20\n", "server.trainer_nice"),
             ("[server]\nmax_points = 4000000\n", "server.max_points"),
             ("[server]\nmax_frame_age_s = -1.0\n", "server.max_frame_age_s"),

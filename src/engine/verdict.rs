@@ -93,7 +93,10 @@ impl Reason {
             Status::NotFound => Self::UnknownMap,
             Status::ResourceExhausted => Self::Exhausted,
             Status::Unavailable => Self::Stopping,
-            Status::FailedPrecondition | Status::DataLoss | Status::Internal => Self::Internal,
+            Status::FailedPrecondition
+            | Status::DeadlineExceeded
+            | Status::DataLoss
+            | Status::Internal => Self::Internal,
         }
     }
 }

@@ -7,7 +7,7 @@ use tokio::sync::watch;
 use tonic::{Request, Response, Status, Streaming};
 
 use super::stream::{Answers, answer_stream};
-use crate::service::{PointsQuestion, Service};
+use crate::service::{Call, PointsQuestion, Service};
 use crate::wire::v1::maps_server::Maps;
 use crate::wire::v1::query_server::Query;
 use crate::wire::{
@@ -37,7 +37,7 @@ impl Query for Edge {
     ) -> Result<Response<v1::QueryPointsReply>, Status> {
         let answer = async {
             let question = PointsQuestion::try_from(request.into_inner())?;
-            self.service.query_points(question).await
+            self.service.query_points(question, Call::GrpcQueryPoints).await
         };
         let reply = answer.await.map_err(|e| status_from_error(&e))?;
         Ok(Response::new(points_reply_to_wire(reply)))

@@ -1,8 +1,13 @@
 //! Answers: the server's edges.
 
+mod calls;
 mod deadline;
 mod grpc;
+mod http;
+mod listeners;
 mod run;
 mod stream;
 
+pub use http::Door;
+pub use listeners::Listeners;
 pub use run::run;

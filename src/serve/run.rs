@@ -1,9 +1,8 @@
-//! The server's life: every service on one port, health, and the way down.
+//! The server's life: every service, health, and the way down.
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio_stream::wrappers::TcpListenerStream;
 use tonic::server::NamedService;
@@ -11,8 +10,10 @@ use tonic::transport::Server;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
+use super::calls::{Calls, Counting};
 use super::deadline::Deadlines;
 use super::grpc::Edge;
+use super::listeners::Listeners;
 use crate::error::{Error, Result};
 use crate::ingest::IngestService;
 use crate::service::Service;
@@ -36,10 +37,11 @@ const KEEPALIVE: Duration = Duration::from_secs(20);
 /// Serves until `shutdown` or the failure of the mapper, whichever comes first. Then takes no more
 /// frames, tells the senders of waiting ones, and ends the connections.
 pub async fn run(
-    listener: TcpListener,
+    listeners: impl Into<Listeners>,
     service: Arc<Service>,
     shutdown: impl Future<Output = ()>,
 ) -> Result<()> {
+    let Listeners { grpc: listener, http } = listeners.into();
     let (close, closing) = watch::channel(false);
     let (health, health_service) = tonic_health::server::health_reporter();
     set_health(&health, ServingStatus::Serving).await;
@@ -50,6 +52,10 @@ pub async fn run(
     let query = QueryServer::new(edge.clone())
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let calls = Arc::<Calls>::default();
+    if let Some(http) = &http {
+        http.serve(service.clone(), calls.clone());
+    }
     let mut told = closing;
     let serving = Server::builder()
         .initial_stream_window_size(STREAM_WINDOW_BYTES)
@@ -58,6 +64,7 @@ pub async fn run(
         .max_concurrent_streams(CONNECTION_REQUESTS)
         .http2_keepalive_interval(Some(KEEPALIVE))
         .tcp_nodelay(true)
+        .layer(Counting(calls))
         .layer(Deadlines)
         .add_service(health_service)
         .add_service(reflection().build_v1().map_err(reflection_error)?)
@@ -77,11 +84,21 @@ pub async fn run(
         ended = service.ended() => ended,
     };
     set_health(&health, ServingStatus::NotServing).await;
+    if let Some(http) = &http {
+        http.stop(match &outcome {
+            Ok(()) => "the server is stopping".into(),
+            Err(error) => error.to_string(),
+        });
+    }
     service.stop();
     close.send_replace(true);
     match tokio::time::timeout(DRAIN, serving).await {
         Ok(served) => served.map_err(transport_error)?,
         Err(_) => tracing::warn!("some connections did not end within {DRAIN:?}"),
+    }
+    // HTTP goes last: it tells those who ask that the server is on its way down.
+    if let Some(http) = http {
+        http.close().await;
     }
     outcome
 }

@@ -10,7 +10,7 @@ use tokio_stream::{Stream, StreamExt};
 use tonic::{Status, Streaming};
 
 use crate::error::{self, Error};
-use crate::service::{PointsQuestion, PointsReply, Service};
+use crate::service::{Call, PointsQuestion, PointsReply, Service};
 use crate::wire::v1::stream_query_request::Question;
 use crate::wire::{Ending, stream_reply_to_wire, v1};
 
@@ -113,7 +113,7 @@ async fn answer(service: Arc<Service>, message: v1::StreamQueryRequest) -> v1::S
 async fn points_reply(service: &Service, question: Option<Question>) -> error::Result<PointsReply> {
     match question {
         Some(Question::Points(question)) => {
-            service.query_points(PointsQuestion::try_from(question)?).await
+            service.query_points(PointsQuestion::try_from(question)?, Call::GrpcStreamQuery).await
         }
         None => Err(Error::invalid("question", "is required: points")),
     }

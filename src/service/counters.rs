@@ -3,9 +3,11 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::Instant;
 
 use super::Reason;
 use crate::engine::{FrameSink, Queue, Verdict};
+use crate::telemetry::{Distribution, Histogram};
 
 /// Frames by their end. `received` is the sum of the others.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -25,6 +27,8 @@ pub(super) struct Counters {
     integrated: AtomicU64,
     dropped: [AtomicU64; Reason::ALL.len()],
     rejected: [AtomicU64; Reason::ALL.len()],
+    /// Of the integrated ones, until questions see them.
+    visible_after: Histogram,
 }
 
 impl Counters {
@@ -41,11 +45,17 @@ impl Counters {
         let waiting = received.saturating_sub(integrated + lost);
         FrameCounts { received, integrated, dropped, rejected, waiting }
     }
+
+    /// How long integrated frames took, from the service on, until questions saw them.
+    pub(super) fn visible_after(&self) -> Distribution {
+        self.visible_after.read()
+    }
 }
 
 /// A sink that counts before it passes the news on.
 pub(super) struct Counted {
     counters: Arc<Counters>,
+    received: Instant,
     inner: Box<dyn FrameSink>,
 }
 
@@ -53,7 +63,7 @@ impl Counted {
     /// Counts the arrival.
     pub(super) fn receive(counters: &Arc<Counters>, inner: Box<dyn FrameSink>) -> Box<Self> {
         counters.received.fetch_add(1, Relaxed);
-        Box::new(Self { counters: counters.clone(), inner })
+        Box::new(Self { counters: counters.clone(), received: Instant::now(), inner })
     }
 }
 
@@ -64,7 +74,10 @@ impl FrameSink for Counted {
 
     fn settle(self: Box<Self>, verdict: Verdict) {
         let counter = match &verdict {
-            Verdict::Integrated { .. } => &self.counters.integrated,
+            Verdict::Integrated { .. } => {
+                self.counters.visible_after.observe(self.received.elapsed());
+                &self.counters.integrated
+            }
             Verdict::Dropped(reason) => &self.counters.dropped[*reason as usize],
             Verdict::Rejected(error) => &self.counters.rejected[Reason::of(error) as usize],
         };

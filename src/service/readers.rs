@@ -7,8 +7,9 @@
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use glam::Vec3;
 use tokio::sync::oneshot;
@@ -46,19 +47,22 @@ impl Readers {
         Ok(Self { line, threads, max_backlog: max_points.saturating_mul(BACKLOG) })
     }
 
-    /// Answers a question; dropping the future cancels what is left of it.
+    /// Answers a question, and says how long it waited for a thread; dropping the future cancels what
+    /// is left of it.
     pub(super) async fn query(
         &self,
         view: Arc<MapView>,
         points: Vec<Vec3>,
         fields: Fields,
         fill: Option<Fill>,
-    ) -> Result<PointAnswers> {
+    ) -> Result<(PointAnswers, Duration)> {
         let (done, answer) = oneshot::channel();
         let question = Arc::new(Question::new(view, points, (fields, fill), done));
         self.enter(&question)?;
         let _cancel = CancelOnDrop(&question);
-        answer.await.map_err(|_| Error::Unavailable("the server is stopping".into()))?
+        let stopping = |_| Error::Unavailable("the server is stopping".into());
+        let answers = answer.await.map_err(stopping)??;
+        Ok((answers, question.waited()))
     }
 
     fn enter(&self, question: &Arc<Question>) -> Result<()> {
@@ -156,6 +160,9 @@ struct Question {
     fields: Fields,
     fill: Option<Fill>,
     chunks: usize,
+    asked: Instant,
+    /// When a thread took the first chunk.
+    begun: OnceLock<Instant>,
     cancelled: AtomicBool,
     progress: Mutex<Progress>,
 }
@@ -177,15 +184,30 @@ impl Question {
         let chunks = points.len().div_ceil(CHUNK).max(1);
         let answered = vec![None; chunks];
         let progress = Progress { taken: 0, answered, left: chunks, done: Some(done) };
-        let cancelled = AtomicBool::new(false);
-        Self { view, points, fields, fill, chunks, cancelled, progress: Mutex::new(progress) }
+        Self {
+            view,
+            points,
+            fields,
+            fill,
+            chunks,
+            asked: Instant::now(),
+            begun: OnceLock::new(),
+            cancelled: AtomicBool::new(false),
+            progress: Mutex::new(progress),
+        }
     }
 
     fn progress(&self) -> MutexGuard<'_, Progress> {
         self.progress.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// The time until a thread took the question up.
+    fn waited(&self) -> Duration {
+        self.begun.get().map_or(Duration::ZERO, |begun| begun.duration_since(self.asked))
+    }
+
     fn take_chunk(&self) -> usize {
+        self.begun.get_or_init(Instant::now);
         let mut progress = self.progress();
         progress.taken += 1;
         progress.taken - 1
@@ -315,7 +337,7 @@ mod tests {
     async fn threads_answer_and_end() {
         let readers = Readers::start(2, 1 << 20).expect("threads");
         let points = vec![Vec3::ZERO; 3 * CHUNK + 5];
-        let answers =
+        let (answers, _waited) =
             readers.query(empty_view(), points, Fields::ALL, None).await.expect("an answer");
         assert_eq!((answers.distance.len(), answers.state.len()), (3 * CHUNK + 5, 3 * CHUNK + 5));
         assert_eq!(readers.line.state().points, 0, "their room is given back");

@@ -6,6 +6,9 @@ use tokio::sync::watch;
 use tonic::codegen::http::{Extensions, HeaderMap};
 use tonic::{Request, Status};
 
+use super::status_from_error;
+use crate::error::Error;
+
 /// The header in which a client says how long it will wait: digits and a unit, as in `250m`.
 const TIMEOUT: &str = "grpc-timeout";
 
@@ -34,7 +37,8 @@ impl Deadline {
     }
 
     fn status(self) -> Status {
-        Status::deadline_exceeded(format!("no answer within {:?}", self.allowed))
+        let late = Error::DeadlineExceeded(format!("no answer within {:?}", self.allowed));
+        status_from_error(&late)
     }
 }
 

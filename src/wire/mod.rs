@@ -1,10 +1,11 @@
-//! Protobuf messages to core types and back, one file a proto file.
+//! Protobuf messages to core types and back, one file a proto file; and what HTTP and gRPC share.
 //!
 //! Conversions are `TryFrom` where the message may be wrong, with errors that name the field as
 //! the message spells it, and plain functions where nothing can go wrong. Messages never travel
 //! below this room.
 
 mod codec;
+mod columns;
 mod ending;
 mod geometry;
 mod image;
@@ -14,6 +15,9 @@ mod query;
 mod status;
 
 pub use codec::Messages;
+pub use columns::{
+    COLUMNS, EPOCH, NEWEST_STAMP_NS, POINTS, SERVER_US, columns_from_wire, columns_to_wire,
+};
 pub use ending::{Deadline, Ending};
 pub use ingest::{FrameSummary, IncomingFrame, ack_to_wire, frame_to_wire};
 pub use maps::{
@@ -24,7 +28,7 @@ pub use query::{
     points_question_to_wire, points_reply_to_wire, stream_question_to_wire, stream_reply_from_wire,
     stream_reply_to_wire,
 };
-pub use status::{Codes, error_from_status, status_from_error};
+pub use status::{Codes, error_from_http, error_from_status, status_from_error};
 
 /// The largest message that is read or written, bytes. A raw 720p depth and color pair takes 4.6 MB,
 /// a million points with every column 21 MB.

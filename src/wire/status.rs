@@ -1,5 +1,6 @@
 //! The one table between our outcomes and the codes of every transport.
 
+use serde::Deserialize;
 use tonic::Code;
 
 use crate::error::{Error, Status};
@@ -8,21 +9,25 @@ use crate::error::{Error, Status};
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Codes {
     pub grpc: Code,
+    pub http: u16,
+    /// In the JSON of an HTTP error: gRPC's own name.
+    pub name: &'static str,
 }
 
 impl Codes {
     /// The row of a class.
     pub const fn of(status: Status) -> Self {
-        let grpc = match status {
-            Status::InvalidArgument => Code::InvalidArgument,
-            Status::NotFound => Code::NotFound,
-            Status::ResourceExhausted => Code::ResourceExhausted,
-            Status::FailedPrecondition => Code::FailedPrecondition,
-            Status::Unavailable => Code::Unavailable,
-            Status::DataLoss => Code::DataLoss,
-            Status::Internal => Code::Internal,
+        let (grpc, http, name) = match status {
+            Status::InvalidArgument => (Code::InvalidArgument, 400, "INVALID_ARGUMENT"),
+            Status::NotFound => (Code::NotFound, 404, "NOT_FOUND"),
+            Status::ResourceExhausted => (Code::ResourceExhausted, 429, "RESOURCE_EXHAUSTED"),
+            Status::FailedPrecondition => (Code::FailedPrecondition, 409, "FAILED_PRECONDITION"),
+            Status::Unavailable => (Code::Unavailable, 503, "UNAVAILABLE"),
+            Status::DeadlineExceeded => (Code::DeadlineExceeded, 504, "DEADLINE_EXCEEDED"),
+            Status::DataLoss => (Code::DataLoss, 500, "DATA_LOSS"),
+            Status::Internal => (Code::Internal, 500, "INTERNAL"),
         };
-        Self { grpc }
+        Self { grpc, http, name }
     }
 }
 
@@ -47,8 +52,47 @@ pub fn error_from_status(status: &tonic::Status) -> Error {
             Error::ResourceExhausted { what: what.into(), limit: limit.into() }
         }
         Code::FailedPrecondition => Error::FailedPrecondition(message.into()),
+        Code::DeadlineExceeded => Error::DeadlineExceeded(message.into()),
         Code::Unavailable => Error::Unavailable(format!("the server is unavailable: {message}")),
         code => Error::Internal(format!("the server answered {code:?}: {message}")),
+    }
+}
+
+/// The JSON of an HTTP error.
+#[derive(Debug, Deserialize)]
+struct HttpError {
+    error: HttpProblem,
+}
+
+#[derive(Debug, Deserialize)]
+struct HttpProblem {
+    code: String,
+    field: Option<String>,
+    message: String,
+}
+
+/// The error of an HTTP answer that is none: what a client's caller sees.
+pub fn error_from_http(status: u16, body: &[u8]) -> Error {
+    let Ok(HttpError { error }) = serde_json::from_slice(body) else {
+        return Error::Internal(format!("the server answered HTTP {status}"));
+    };
+    let known = [
+        Status::InvalidArgument,
+        Status::NotFound,
+        Status::ResourceExhausted,
+        Status::FailedPrecondition,
+        Status::Unavailable,
+        Status::DeadlineExceeded,
+    ];
+    match known.into_iter().map(Codes::of).find(|codes| codes.name == error.code) {
+        Some(codes) => error_from_status(&tonic::Status::new(codes.grpc, error.message)),
+        // What only HTTP refuses, because of the request.
+        None if (400..500).contains(&status) => {
+            let field = error.field.unwrap_or_else(|| "request".into());
+            let problem = error.message.strip_prefix(&format!("{field}: ")).map(str::to_owned);
+            Error::invalid(field, problem.unwrap_or(error.message))
+        }
+        None => Error::Internal(format!("the server answered {}: {}", error.code, error.message)),
     }
 }
 
@@ -64,7 +108,14 @@ mod tests {
             Error::NotFound { what: "map 'attic'".into() },
             Error::ResourceExhausted { what: "sensors".into(), limit: "64".into() },
             Error::FailedPrecondition("min_epoch: 4".into()),
+            Error::DeadlineExceeded("no answer within 5ms".into()),
         ] {
+            let codes = Codes::of(error.status());
+            let body = serde_json::json!({
+                "error": { "code": codes.name, "message": error.to_string() }
+            });
+            let back = error_from_http(codes.http, body.to_string().as_bytes());
+            assert_eq!((back.status(), back.to_string()), (error.status(), error.to_string()));
             let back = error_from_status(&status_from_error(&error));
             assert_eq!((back.status(), back.to_string()), (error.status(), error.to_string()));
         }
@@ -76,5 +127,25 @@ mod tests {
             let back = error_from_status(&status_from_error(&error)).to_string();
             assert!(back.contains(&error.to_string()), "{back}");
         }
+    }
+
+    #[test]
+    fn what_only_http_says_is_understood_too() {
+        let body =
+            br#"{"error":{"code":"PAYLOAD_TOO_LARGE","field":"body","message":"body: 9; 8"}}"#;
+        let error = error_from_http(413, body);
+        assert_eq!(
+            (error.status(), error.to_string()),
+            (Status::InvalidArgument, "body: 9; 8".into())
+        );
+        assert_eq!(error_from_http(502, b"<html>").status(), Status::Internal);
+    }
+
+    #[test]
+    fn classes_have_names_of_their_own_and_http_tells_faults_apart() {
+        let theirs = [Status::InvalidArgument, Status::NotFound, Status::FailedPrecondition];
+        assert!(theirs.iter().all(|s| (400..500).contains(&Codes::of(*s).http)));
+        let ours = [Status::Unavailable, Status::DataLoss, Status::Internal];
+        assert!(ours.iter().all(|s| Codes::of(*s).http >= 500));
     }
 }

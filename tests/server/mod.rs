@@ -16,9 +16,9 @@ use orenx::dataset::Dataset;
 use orenx::dataset::synthetic::Synthetic;
 use orenx::engine::{Engine, QueuePolicy};
 use orenx::error::Result;
+use orenx::serve::Listeners;
 use orenx::service::{DEFAULT_MAP, Service};
 use orenx::wire::{frame_to_wire, v1};
-use tokio::net::TcpListener;
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
 use tokio_stream::wrappers::ReceiverStream;
@@ -26,11 +26,13 @@ use tonic::Streaming;
 use tonic::transport::Channel;
 
 /// A running server, its way down, and a connection to it.
-struct Running {
-    url: String,
-    client: Client,
-    channel: Channel,
-    service: Arc<Service>,
+pub(crate) struct Running {
+    pub(crate) url: String,
+    /// Host and port of HTTP.
+    pub(crate) http: String,
+    pub(crate) client: Client,
+    pub(crate) channel: Channel,
+    pub(crate) service: Arc<Service>,
     engine: Engine,
     shutdown: oneshot::Sender<()>,
     serving: JoinHandle<Result<()>>,
@@ -38,7 +40,7 @@ struct Running {
 
 impl Running {
     /// Ends the server as Ctrl-C would; what `serve::run` and the mapper thread said.
-    async fn stop(self) -> (Result<()>, Result<()>) {
+    pub(crate) async fn stop(self) -> (Result<()>, Result<()>) {
         let _ = self.shutdown.send(());
         let served = self.serving.await.unwrap();
         (served, self.engine.stop())
@@ -47,28 +49,31 @@ impl Running {
 
 /// A server with the defaults, except for `change`, and a map in memory. Its map is of the `fixed`
 /// schedule and untrained, so that a test takes no longer than its frames.
-async fn start(change: impl FnOnce(&mut Settings)) -> Running {
+pub(crate) async fn start(change: impl FnOnce(&mut Settings)) -> Running {
     let mut settings = Settings {
         map: MapSettings { steps: Some(0), ..MapSettings::default() },
         ..Settings::default()
     };
     settings.storage.path = "".into();
+    settings.server.grpc = "127.0.0.1:0".into();
+    settings.server.http = "127.0.0.1:0".into();
     change(&mut settings);
     let (config, map) = ServerConfig::from_settings(&settings).unwrap();
-    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
-    let url = format!("http://{}", listener.local_addr().unwrap());
+    let listeners = Listeners::bind(&config).await.unwrap();
+    let url = format!("http://{}", listeners.grpc_address().unwrap());
+    let http = listeners.http_address().unwrap().to_string();
     let (service, engine) = Service::start(&config, map).unwrap();
     let (shutdown, stopped) = oneshot::channel::<()>();
-    let serving = tokio::spawn(orenx::serve::run(listener, service.clone(), async {
+    let serving = tokio::spawn(orenx::serve::run(listeners, service.clone(), async {
         let _ = stopped.await;
     }));
     let client = Client::connect(&url).await.unwrap();
     let channel = Channel::from_shared(url.clone()).unwrap().connect().await.unwrap();
-    Running { url, client, channel, service, engine, shutdown, serving }
+    Running { url, http, client, channel, service, engine, shutdown, serving }
 }
 
 /// A good frame of a small room, as a message.
-fn good_frame(seq: u64) -> v1::Frame {
+pub(crate) fn good_frame(seq: u64) -> v1::Frame {
     let room = Synthetic::room(100).with_width(64);
     let mut frame = room.load(seq as usize % 100, false).unwrap();
     frame.seq = seq;
@@ -76,7 +81,9 @@ fn good_frame(seq: u64) -> v1::Frame {
 }
 
 /// A stream of frames and its acks.
-async fn open_stream(channel: &Channel) -> (mpsc::Sender<v1::Frame>, Streaming<v1::FrameAck>) {
+pub(crate) async fn open_stream(
+    channel: &Channel,
+) -> (mpsc::Sender<v1::Frame>, Streaming<v1::FrameAck>) {
     let (frames, outgoing) = mpsc::channel(4);
     let acks = v1::ingest_client::IngestClient::new(channel.clone())
         .max_encoding_message_size(256 << 20)
@@ -87,7 +94,7 @@ async fn open_stream(channel: &Channel) -> (mpsc::Sender<v1::Frame>, Streaming<v
 }
 
 /// The next ack that is a verdict.
-async fn verdict(acks: &mut Streaming<v1::FrameAck>) -> v1::FrameAck {
+pub(crate) async fn verdict(acks: &mut Streaming<v1::FrameAck>) -> v1::FrameAck {
     loop {
         let ack = acks.message().await.unwrap().expect("an ack");
         if ack.status() != v1::FrameStatus::Accepted {

@@ -1,0 +1,218 @@
+//! An HTTP client of one server: raw numbers out, raw columns back.
+
+use std::fmt::Write;
+use std::time::Duration;
+
+use bytes::Bytes;
+use http_body_util::{BodyExt, Full, Limited};
+use hyper::header::{ACCEPT, CONTENT_TYPE, HOST, HeaderMap};
+use hyper::{Method, Request, Uri};
+use hyper_util::rt::TokioIo;
+use tokio::net::TcpStream;
+
+use super::CONNECT;
+use crate::error::{Error, Result};
+use crate::map::Fields;
+use crate::service::{PointsQuestion, PointsReply, UnknownPolicy};
+use crate::wire::{
+    COLUMNS, EPOCH, MAX_MESSAGE_BYTES, NEWEST_STAMP_NS, POINTS, SERVER_US, columns_from_wire,
+    error_from_http,
+};
+
+/// How long an answer may take. The server gives up sooner.
+const ANSWER: Duration = Duration::from_secs(90);
+const RAW: &str = "application/octet-stream";
+
+/// One server. Each request has a connection of its own.
+#[derive(Debug, Clone)]
+pub struct HttpClient {
+    /// Host and port.
+    authority: String,
+}
+
+/// An answer that is no error.
+struct Answer {
+    headers: HeaderMap,
+    body: Bytes,
+}
+
+impl HttpClient {
+    /// The server at `http://host:port`. Nothing is sent yet.
+    pub fn new(url: &str) -> Result<Self> {
+        let wrong = |problem: &str| Error::invalid("URL", format!("'{url}': {problem}"));
+        let uri: Uri = url.parse().map_err(|_| wrong("is no URL"))?;
+        let host = uri.host().filter(|_| uri.scheme_str() == Some("http"));
+        let host = host.ok_or_else(|| wrong("try http://host:7611"))?;
+        if !matches!(uri.path(), "" | "/") || uri.query().is_some() {
+            return Err(wrong("must end after the port"));
+        }
+        Ok(Self { authority: format!("{host}:{}", uri.port_u16().unwrap_or(80)) })
+    }
+
+    /// Whether the server answers in HTTP/1.1; an error if nothing listens there.
+    pub(super) async fn is_spoken(&self) -> Result<bool> {
+        let stream = self.connect().await?;
+        Ok(self
+            .exchange(stream, self.request(Method::GET, "/healthz", Bytes::new())?)
+            .await
+            .is_ok())
+    }
+
+    /// The answer to a question about points.
+    pub async fn ask(&self, question: &PointsQuestion) -> Result<PointsReply> {
+        let path = format!("/v1/maps/{}/query/points{}", question.map_id, options(question));
+        let body = Bytes::copy_from_slice(bytemuck::cast_slice(&question.points));
+        let mut request = self.request(Method::POST, &path, body)?;
+        let raw = hyper::header::HeaderValue::from_static(RAW);
+        request.headers_mut().insert(CONTENT_TYPE, raw.clone());
+        request.headers_mut().insert(ACCEPT, raw);
+        let Answer { headers, body } = self.answer(request).await?;
+        let text = |name: &str| headers.get(name).and_then(|v| v.to_str().ok()).unwrap_or_default();
+        let missing = |name: &str| Error::corrupt("the server's answer", format!("has no {name}"));
+        let points = text(POINTS).parse().map_err(|_| missing(POINTS))?;
+        Ok(PointsReply {
+            answers: columns_from_wire(text(COLUMNS), &body, points)?,
+            epoch: text(EPOCH).parse().map_err(|_| missing(EPOCH))?,
+            newest_stamp_ns: text(NEWEST_STAMP_NS).parse().map_err(|_| missing(NEWEST_STAMP_NS))?,
+            spent: Duration::from_micros(text(SERVER_US).parse().map_err(|_| missing(SERVER_US))?),
+        })
+    }
+
+    /// What a path says.
+    pub async fn get(&self, path: &str) -> Result<Bytes> {
+        Ok(self.answer(self.request(Method::GET, path, Bytes::new())?).await?.body)
+    }
+
+    /// What a path says to a body of JSON.
+    pub async fn post_json(&self, path: &str, body: String) -> Result<Bytes> {
+        let mut request = self.request(Method::POST, path, Bytes::from(body))?;
+        let json = hyper::header::HeaderValue::from_static("application/json");
+        request.headers_mut().insert(CONTENT_TYPE, json);
+        Ok(self.answer(request).await?.body)
+    }
+
+    fn request(&self, method: Method, path: &str, body: Bytes) -> Result<Request<Full<Bytes>>> {
+        let request = Request::builder().method(method).uri(path).header(HOST, &self.authority);
+        request
+            .body(Full::new(body))
+            .map_err(|e| Error::invalid("URL", format!("'{path}' is no path: {e}")))
+    }
+
+    async fn answer(&self, request: Request<Full<Bytes>>) -> Result<Answer> {
+        let stream = self.connect().await?;
+        self.exchange(stream, request).await?
+    }
+
+    async fn connect(&self) -> Result<TcpStream> {
+        let at = &self.authority;
+        let unavailable = |problem: String| {
+            Error::Unavailable(format!("no server answers at http://{at}: {problem}"))
+        };
+        let connecting = tokio::time::timeout(CONNECT, TcpStream::connect(at));
+        let stream = connecting
+            .await
+            .map_err(|_| unavailable(format!("no connection within {CONNECT:?}")))?
+            .map_err(|e| unavailable(e.to_string()))?;
+        stream.set_nodelay(true).map_err(|e| unavailable(e.to_string()))?;
+        Ok(stream)
+    }
+
+    /// Sends a request and reads its answer: the outer result is that of the connection, the inner
+    /// one the server's.
+    async fn exchange(
+        &self,
+        stream: TcpStream,
+        request: Request<Full<Bytes>>,
+    ) -> Result<Result<Answer>> {
+        let at = &self.authority;
+        let broken = |problem: String| {
+            Error::Unavailable(format!("the server at http://{at} speaks no HTTP/1.1: {problem}"))
+        };
+        let exchange = async {
+            let (mut sender, connection) =
+                hyper::client::conn::http1::handshake(TokioIo::new(stream))
+                    .await
+                    .map_err(|e| broken(e.to_string()))?;
+            // Ends with the sender.
+            tokio::spawn(connection);
+            let response = sender.send_request(request).await.map_err(|e| broken(e.to_string()))?;
+            let (head, body) = response.into_parts();
+            let body = Limited::new(body, MAX_MESSAGE_BYTES).collect().await;
+            let body = body.map_err(|e| broken(e.to_string()))?.to_bytes();
+            Ok(match head.status.is_success() {
+                true => Ok(Answer { headers: head.headers, body }),
+                false => Err(error_from_http(head.status.as_u16(), &body)),
+            })
+        };
+        let late = |_| Error::DeadlineExceeded(format!("no answer from {at} within {ANSWER:?}"));
+        tokio::time::timeout(ANSWER, exchange).await.map_err(late)?
+    }
+}
+
+/// The query string of a question: what differs from the defaults.
+fn options(question: &PointsQuestion) -> String {
+    let Fields { distance, gradient, occupancy, state } = question.fields;
+    let named = [
+        (distance, "distance"),
+        (gradient, "gradient"),
+        (occupancy, "occupancy"),
+        (state, "state"),
+    ];
+    let fields: Vec<&str> = named.iter().filter(|(asked, _)| *asked).map(|(_, n)| *n).collect();
+    let mut text = format!("?fields={}&min_epoch={}", fields.join(","), question.min_epoch);
+    let mut add = |key: &str, value: &dyn std::fmt::Display| {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "&{key}={value}");
+    };
+    if let Some(age) = question.max_age {
+        // At least 1: a limit of 0 would read as none.
+        add("max_age_ms", &(age.as_millis() as u64).max(1));
+    }
+    match question.unknown.policy {
+        UnknownPolicy::Report => {}
+        UnknownPolicy::Free => add("unknown_policy", &"free"),
+        UnknownPolicy::Occupied => add("unknown_policy", &"occupied"),
+    }
+    if let Some(distance_m) = question.unknown.distance_m {
+        add("unknown_distance_m", &distance_m);
+    }
+    if !question.frame_id.is_empty() {
+        let any = percent_encoding::NON_ALPHANUMERIC;
+        add("frame_id", &percent_encoding::utf8_percent_encode(&question.frame_id, any));
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::service::Unknown;
+
+    #[test]
+    fn urls_are_read_or_refused() {
+        let authority = |url| HttpClient::new(url).map(|client| client.authority).ok();
+        assert_eq!(authority("http://127.0.0.1:7611"), Some("127.0.0.1:7611".into()));
+        assert_eq!(authority("http://[::1]:7611/"), Some("[::1]:7611".into()));
+        assert_eq!(authority("http://robot"), Some("robot:80".into()));
+        for wrong in
+            ["https://robot:7611", "robot:7611", "http://robot/v1", "http://", "http://a b"]
+        {
+            assert_eq!(authority(wrong), None, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_question_becomes_a_query_string() {
+        let mut question = PointsQuestion::new(Vec::new());
+        question.fields = Fields { gradient: true, ..Fields::DISTANCE };
+        assert_eq!(options(&question), "?fields=distance,gradient&min_epoch=0");
+        question.max_age = Some(Duration::from_millis(250));
+        question.unknown = Unknown { policy: UnknownPolicy::Occupied, distance_m: Some(1.5) };
+        question.frame_id = "a b".into();
+        assert_eq!(
+            options(&question),
+            "?fields=distance,gradient&min_epoch=0&max_age_ms=250&unknown_policy=occupied\
+             &unknown_distance_m=1.5&frame_id=a%20b"
+        );
+    }
+}

@@ -1,0 +1,167 @@
+//! The port: connections in, each within its limits, and the way down.
+
+use std::net::SocketAddr;
+use std::pin::{Pin, pin};
+use std::sync::Arc;
+use std::time::Duration;
+
+use axum::Router;
+use hyper::server::conn::http1;
+use hyper_util::rt::{TokioIo, TokioTimer};
+use hyper_util::service::TowerToHyperService;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::task::{JoinHandle, JoinSet};
+
+use super::super::calls::Calls;
+use super::limits::Limits;
+use super::stall::Stall;
+use super::{Edge, router};
+use crate::service::Service;
+
+/// A pause when the system has no more sockets: they come back as connections end.
+const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
+/// Headers of a request, in number.
+const MAX_HEADERS: usize = 100;
+/// Read at a time. Headers that do not fit are refused before a handler sees them.
+const BUFFER_BYTES: usize = 256 << 10;
+
+/// An open HTTP port. It answers from the start, with 503 until it is given a service.
+pub struct Door {
+    address: SocketAddr,
+    pub(super) edge: Arc<Edge>,
+    close: watch::Sender<bool>,
+    task: JoinHandle<()>,
+}
+
+impl Door {
+    /// Starts to answer on `listener`, within a runtime. `max_points` bounds bodies.
+    pub fn open(listener: TcpListener, max_points: usize) -> std::io::Result<Self> {
+        Self::within(listener, Limits::new(max_points))
+    }
+
+    pub(super) fn within(listener: TcpListener, limits: Limits) -> std::io::Result<Self> {
+        let address = listener.local_addr()?;
+        let edge = Arc::new(Edge::new(limits));
+        let (close, closing) = watch::channel(false);
+        let task = tokio::spawn(accept(listener, edge.clone(), closing));
+        Ok(Self { address, edge, close, task })
+    }
+
+    /// Where it listens.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// The map is loaded: questions are answered from now on. `calls` are those over gRPC.
+    pub(in crate::serve) fn serve(&self, service: Arc<Service>, calls: Arc<Calls>) {
+        self.edge.serve(service, calls);
+    }
+
+    /// Says that it is not ready any more, and why, and goes on answering.
+    pub(in crate::serve) fn stop(&self, reason: String) {
+        self.edge.stop(reason);
+    }
+
+    /// Accepts no more, and waits until the requests under way have their answers.
+    pub(in crate::serve) async fn close(mut self) {
+        self.close.send_replace(true);
+        if let Err(error) = (&mut self.task).await {
+            tracing::error!(%error, "the HTTP task failed");
+        }
+    }
+}
+
+impl Drop for Door {
+    fn drop(&mut self) {
+        self.task.abort();
+    }
+}
+
+/// Accepts connections until `closing`, then ends them. Dropping it drops them.
+async fn accept(listener: TcpListener, edge: Arc<Edge>, mut closing: watch::Receiver<bool>) {
+    let (limits, router) = (edge.limits.clone(), router(edge));
+    let places = Arc::new(Semaphore::new(limits.connections));
+    let mut connections = JoinSet::new();
+    loop {
+        while connections.try_join_next().is_some() {}
+        let accepted = tokio::select! {
+            accepted = accept_one(&listener, &places) => accepted,
+            _ = closing.wait_for(|closing| *closing) => break,
+        };
+        match accepted {
+            Ok((stream, place)) => {
+                let (router, limits) = (router.clone(), limits.clone());
+                let connection = serve(stream, router, limits, closing.clone());
+                connections.spawn(async move {
+                    connection.await;
+                    drop(place);
+                });
+            }
+            Err(error) => {
+                tracing::warn!(%error, "an HTTP connection was not accepted");
+                tokio::time::sleep(ACCEPT_PAUSE).await;
+            }
+        }
+    }
+    drop(listener);
+    let ended = async { while connections.join_next().await.is_some() {} };
+    if tokio::time::timeout(limits.drain_time, ended).await.is_err() {
+        tracing::warn!("some HTTP connections did not end within {:?}", limits.drain_time);
+    }
+}
+
+async fn accept_one(
+    listener: &TcpListener,
+    places: &Arc<Semaphore>,
+) -> std::io::Result<(TcpStream, OwnedSemaphorePermit)> {
+    let place = places.clone().acquire_owned().await.map_err(std::io::Error::other)?;
+    let (stream, _) = listener.accept().await?;
+    stream.set_nodelay(true)?;
+    Ok((stream, place))
+}
+
+/// One connection: requests in turn until either side ends it.
+async fn serve(
+    stream: TcpStream,
+    router: Router,
+    limits: Limits,
+    mut closing: watch::Receiver<bool>,
+) {
+    let io = TokioIo::new(Stall::new(stream, limits.write_time));
+    let mut connection = http1::Builder::new()
+        .timer(TokioTimer::new())
+        .header_read_timeout(limits.header_time)
+        .max_headers(MAX_HEADERS)
+        .max_buf_size(BUFFER_BYTES)
+        .serve_connection(io, TowerToHyperService::new(router));
+    let ended = {
+        let mut closing = pin!(closing.wait_for(|closing| *closing));
+        let mut told = false;
+        std::future::poll_fn(|context| {
+            if !told && closing.as_mut().poll(context).is_ready() {
+                told = true;
+                Pin::new(&mut connection).graceful_shutdown();
+            }
+            connection.poll_without_shutdown(context)
+        })
+        .await
+    };
+    match ended {
+        Ok(()) => linger(connection.into_parts().io.into_inner().into_inner(), &limits).await,
+        Err(error) => tracing::debug!(%error, "an HTTP connection ended"),
+    }
+}
+
+/// Closes our side and reads what the other still sends. A socket that is closed with unread bytes
+/// resets the connection, and a client that is busy sending would never see why it was refused.
+async fn linger(mut stream: TcpStream, limits: &Limits) {
+    let rest = async {
+        stream.shutdown().await?;
+        let mut rest = stream.take(limits.linger_bytes as u64);
+        tokio::io::copy(&mut rest, &mut tokio::io::sink()).await
+    };
+    // Whoever has not ended by then is cut off.
+    let _ = tokio::time::timeout(limits.linger_time, rest).await;
+}

@@ -1,0 +1,236 @@
+//! Which maps there are, how they are, and the way back to an empty one.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Instant;
+
+use axum::extract::State;
+use axum::response::Response;
+use serde::Serialize;
+use utoipa::ToSchema;
+
+use super::openapi::{self, MapRefusals};
+use super::refusal::Refusal;
+use super::{Edge, MapId, json, schemas};
+use crate::config::name_of;
+use crate::engine::Reason;
+use crate::service::{MapSummary, Service};
+
+#[derive(Debug, Serialize, ToSchema)]
+pub(super) struct MapList {
+    maps: Vec<Map>,
+    /// Time spent in the server, microseconds.
+    server_us: u64,
+}
+
+/// One map.
+#[derive(Debug, Serialize, ToSchema)]
+struct Map {
+    map_id: String,
+    /// The newest epoch. Epochs count published updates: of one or more frames, or of refinement
+    /// while no frame comes.
+    epoch: u64,
+    /// The capture time of its newest frame, Unix ns.
+    newest_stamp_ns: i64,
+    /// Around everything observed; null while the map is empty.
+    #[schema(required = true)]
+    bounds: Option<Bounds>,
+    /// The fields that the map holds: "sdf", "occupancy", …
+    modalities: Vec<String>,
+}
+
+/// A box, world metres.
+#[derive(Debug, Serialize, ToSchema)]
+struct Bounds {
+    #[schema(schema_with = schemas::triple)]
+    min: [f32; 3],
+    #[schema(schema_with = schemas::triple)]
+    max: [f32; 3],
+}
+
+#[derive(Debug, Serialize, ToSchema)]
+pub(super) struct MapDetail {
+    map: Map,
+    settings: MadeWith,
+    /// Time spent in the server, microseconds.
+    server_us: u64,
+}
+
+/// What a map was made with, in the words of the settings file.
+#[derive(Debug, Serialize, ToSchema)]
+struct MadeWith {
+    profile: String,
+    schedule: String,
+    prior: String,
+    /// Edge of a level-0 voxel, m.
+    r0_m: f32,
+    /// Distances are exact up to here; beyond, an answer says "at least", m.
+    max_distance_m: f32,
+    seed: u32,
+    /// Bound of the map's memory, MiB.
+    memory_mib: u32,
+}
+
+#[derive(Debug, Serialize, ToSchema)]
+pub(super) struct MapStats {
+    map: Map,
+    /// Frames in the map; those among them without a single depth return.
+    frames: u64,
+    frames_empty: u64,
+    /// Training steps taken.
+    steps: u64,
+    voxels: u64,
+    rows: u64,
+    surfels: u64,
+    key_frames: u64,
+    /// Memory held by the map, and voxels refused because its budget was reached.
+    map_bytes: u64,
+    voxels_refused: u64,
+    /// Mean losses of the last training step, by name.
+    losses: BTreeMap<String, f32>,
+    /// Wall time of the last frame by stage, ms.
+    stages_ms: BTreeMap<String, f32>,
+    counts: FrameCounts,
+    /// Memory held by the process; 0 where the system does not tell.
+    resident_bytes: u64,
+    /// Time spent in the server, microseconds.
+    server_us: u64,
+}
+
+/// Frames since the server started; received is the sum of the others.
+#[derive(Debug, Serialize, ToSchema)]
+struct FrameCounts {
+    received: u64,
+    integrated: u64,
+    /// By reason.
+    dropped: BTreeMap<&'static str, u64>,
+    rejected: BTreeMap<&'static str, u64>,
+    /// Without a verdict yet.
+    waiting: u64,
+}
+
+#[derive(Debug, Serialize, ToSchema)]
+pub(super) struct MapReset {
+    /// The first epoch of the empty map; later ones may hold new frames already.
+    epoch: u64,
+    /// Frames that waited and were dropped.
+    frames_dropped: u64,
+    /// Time spent in the server, microseconds.
+    server_us: u64,
+}
+
+/// Every map
+#[utoipa::path(get, path = "/v1/maps", tag = "maps", params(openapi::Timeout),
+    responses((status = 200, description = "The maps.", body = MapList), MapRefusals))]
+pub(super) async fn list(State(edge): State<Arc<Edge>>) -> Result<Response, Refusal> {
+    let started = Instant::now();
+    let maps = edge.service()?.list_maps().into_iter().map(Map::from).collect();
+    json(&MapList { maps, server_us: since(started) })
+}
+
+/// One map and the settings that it was made with
+#[utoipa::path(get, path = "/v1/maps/{map}", tag = "maps",
+    params(openapi::MapPath, openapi::Timeout),
+    responses((status = 200, description = "The map.", body = MapDetail), MapRefusals))]
+pub(super) async fn detail(
+    State(edge): State<Arc<Edge>>,
+    MapId(map_id): MapId,
+) -> Result<Response, Refusal> {
+    let started = Instant::now();
+    let detail = edge.service()?.map_detail(&map_id)?;
+    let config = detail.config;
+    let settings = MadeWith {
+        profile: name_of(config.profile),
+        schedule: name_of(config.schedule),
+        prior: name_of(config.prior),
+        r0_m: config.r0_m,
+        max_distance_m: config.max_distance_m,
+        seed: config.seed,
+        memory_mib: config.memory_mib,
+    };
+    json(&MapDetail { map: detail.summary.into(), settings, server_us: since(started) })
+}
+
+/// Sizes, counters and timings of one map
+#[utoipa::path(get, path = "/v1/maps/{map}/stats", tag = "maps",
+    params(openapi::MapPath, openapi::Timeout),
+    responses((status = 200, description = "The counters.", body = MapStats), MapRefusals))]
+pub(super) async fn stats(
+    State(edge): State<Arc<Edge>>,
+    MapId(map_id): MapId,
+) -> Result<Response, Refusal> {
+    json(&stats_of(edge.service()?, &map_id)?)
+}
+
+fn stats_of(service: &Service, map_id: &str) -> Result<MapStats, Refusal> {
+    let started = Instant::now();
+    let report = service.map_stats(map_id)?;
+    let (stats, counts) = (report.stats, report.counts);
+    Ok(MapStats {
+        map: report.summary.into(),
+        frames: stats.frames,
+        frames_empty: stats.frames_empty,
+        steps: stats.steps,
+        voxels: stats.voxels,
+        rows: stats.rows,
+        surfels: stats.surfels,
+        key_frames: stats.key_frames,
+        map_bytes: stats.map_bytes,
+        voxels_refused: stats.voxels_refused,
+        losses: numbers(stats.losses),
+        stages_ms: numbers(stats.stages_ms),
+        counts: FrameCounts {
+            received: counts.received,
+            integrated: counts.integrated,
+            dropped: by_reason(&counts.dropped),
+            rejected: by_reason(&counts.rejected),
+            waiting: counts.waiting,
+        },
+        resident_bytes: report.resident_bytes,
+        server_us: since(started),
+    })
+}
+
+/// Empties a map
+///
+/// The frame at hand is finished, frames that wait are dropped, and an empty map of the same
+/// settings is published under a new epoch. Questions are answered meanwhile. The file on disk stays
+/// as it is until the server saves.
+#[utoipa::path(post, path = "/v1/maps/{map}/reset", tag = "maps",
+    params(openapi::MapPath, openapi::Timeout),
+    responses((status = 200, description = "It is empty.", body = MapReset), MapRefusals))]
+pub(super) async fn reset(
+    State(edge): State<Arc<Edge>>,
+    MapId(map_id): MapId,
+) -> Result<Response, Refusal> {
+    let started = Instant::now();
+    let emptied = edge.service()?.reset_map(&map_id).await?;
+    let (epoch, frames_dropped) = (emptied.epoch, emptied.frames_dropped);
+    json(&MapReset { epoch, frames_dropped, server_us: since(started) })
+}
+
+impl From<MapSummary> for Map {
+    fn from(map: MapSummary) -> Self {
+        let (min, max) = (map.bounds.min.to_array(), map.bounds.max.to_array());
+        Self {
+            map_id: map.map_id,
+            epoch: map.epoch,
+            newest_stamp_ns: map.newest_stamp_ns,
+            bounds: (!map.bounds.is_empty()).then_some(Bounds { min, max }),
+            modalities: map.modalities,
+        }
+    }
+}
+
+/// Those that are numbers; JSON has no others.
+fn numbers(values: Vec<(String, f32)>) -> BTreeMap<String, f32> {
+    values.into_iter().filter(|(_, value)| value.is_finite()).collect()
+}
+
+fn by_reason(counts: &[(Reason, u64)]) -> BTreeMap<&'static str, u64> {
+    counts.iter().map(|(reason, count)| (reason.name(), *count)).collect()
+}
+
+fn since(started: Instant) -> u64 {
+    started.elapsed().as_micros() as u64
+}

@@ -1,0 +1,138 @@
+//! The document that describes all of this: OpenAPI 3.1, made of the types that are sent.
+
+use std::collections::BTreeMap;
+
+use bytes::Bytes;
+use serde_json::json;
+use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
+use utoipa::{IntoParams, IntoResponses, OpenApi, ToSchema};
+
+use super::limits::Limits;
+use super::{maps, points, probes, refusal, schemas};
+
+#[derive(OpenApi)]
+#[openapi(
+    info(description = "A map server for robots: signed distance and occupancy, asked over HTTP. \
+        Metres, seconds, world axes with z up; distance positive in free space. Every error is \
+        JSON of one shape."),
+    servers((url = "/")),
+    paths(
+        probes::about, probes::healthy, probes::alive, probes::ready, probes::metrics,
+        probes::openapi, maps::list, maps::detail, maps::stats, maps::reset, points::query
+    ),
+    components(schemas(refusal::ErrorReply)),
+    tags(
+        (name = "server", description = "Who is there, and is it well?"),
+        (name = "maps", description = "Which maps there are and how they are."),
+        (name = "query", description = "Questions about places.")
+    )
+)]
+struct Document;
+
+/// The document of a server with these limits, as JSON.
+pub(super) fn document(limits: &Limits) -> Bytes {
+    let mut document = json!(Document::openapi());
+    let points = "/components/schemas/PointsRequest/properties/points_m";
+    if let Some(points) = document.pointer_mut(points) {
+        points["maxItems"] = json!(limits.max_points);
+    }
+    if let Some(raw) = document.pointer_mut("/components/schemas/Raw") {
+        raw["maxLength"] = json!(limits.raw_bytes);
+    }
+    if let Some(request) = document.pointer_mut("/components/schemas/PointsRequest") {
+        // A distance for unknown points needs a policy that uses it.
+        request["if"] = json!({
+            "required": ["unknown_distance_m"],
+            "properties": { "unknown_distance_m": { "type": "number" } }
+        });
+        request["then"] = json!({
+            "required": ["unknown_policy"],
+            "properties": { "unknown_policy": { "enum": ["free", "occupied"] } }
+        });
+    }
+    Bytes::from(document.to_string())
+}
+
+/// Numbers as they lie in memory, little-endian.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary)]
+pub(super) struct Raw(#[expect(dead_code, reason = "stands for a body in the document")] Vec<u8>);
+
+/// The path's part that names a map.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Path)]
+#[expect(dead_code, reason = "stands for a part of the path in the document")]
+pub(super) struct MapPath {
+    /// The map to ask: "default".
+    #[param(example = "default")]
+    map: String,
+}
+
+/// The header that bounds a request's time.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Header)]
+#[expect(dead_code, reason = "stands for a header in the document")]
+pub(super) struct Timeout {
+    /// How long the client will wait, ms. After that the answer is DEADLINE_EXCEEDED.
+    #[param(rename = "orenx-timeout-ms", schema_with = schemas::timeout)]
+    timeout_ms: Option<u64>,
+}
+
+/// What any path may answer instead.
+pub(super) struct Any;
+
+impl IntoResponses for Any {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        refusals(&[])
+    }
+}
+
+/// What the paths of maps may answer instead.
+pub(super) struct MapRefusals;
+
+impl IntoResponses for MapRefusals {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        refusals(&[404, 429])
+    }
+}
+
+/// What a question about points may be answered instead.
+pub(super) struct PointRefusals;
+
+impl IntoResponses for PointRefusals {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        refusals(&[404, 406, 408, 409, 413, 415, 429])
+    }
+}
+
+fn refusals(statuses: &[u16]) -> BTreeMap<String, RefOr<Response>> {
+    let everywhere = [400, 403, 431, 500, 503, 504];
+    let named = |status: &u16| {
+        let content =
+            ContentBuilder::new().schema(Some(Ref::from_schema_name("ErrorReply"))).build();
+        let response = ResponseBuilder::new()
+            .description(meaning(*status))
+            .content("application/json", content)
+            .build();
+        (status.to_string(), RefOr::T(response))
+    };
+    everywhere.iter().chain(statuses).map(named).collect()
+}
+
+fn meaning(status: u16) -> &'static str {
+    match status {
+        400 => "INVALID_ARGUMENT: the field and the limit that it broke are in the message.",
+        403 => "PERMISSION_DENIED: a page of another site asks.",
+        404 => "NOT_FOUND: no such map.",
+        406 => "NOT_ACCEPTABLE: there is no answer in the form that `accept` asks for.",
+        408 => "REQUEST_TIMEOUT: the body did not arrive in time.",
+        409 => "FAILED_PRECONDITION: the map is not as new as the question demands.",
+        413 => "PAYLOAD_TOO_LARGE: more points than `server.max_points`.",
+        415 => "UNSUPPORTED_MEDIA_TYPE: the body is neither JSON nor raw.",
+        429 => "RESOURCE_EXHAUSTED: a bound was reached; try again later.",
+        431 => "HEADERS_TOO_LARGE.",
+        503 => "UNAVAILABLE: the server is starting or stopping.",
+        504 => "DEADLINE_EXCEEDED: no answer within `orenx-timeout-ms`.",
+        _ => "INTERNAL: the server's own fault.",
+    }
+}

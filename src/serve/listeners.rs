@@ -1,0 +1,58 @@
+//! The ports of a server.
+
+use std::net::SocketAddr;
+
+use tokio::net::TcpListener;
+
+use super::http::Door;
+use crate::config::ServerConfig;
+use crate::error::{Error, Result};
+
+/// The ports, open. gRPC waits for [`super::run`]; HTTP answers probes from the start, and everything
+/// else with 503 until then.
+pub struct Listeners {
+    pub(super) grpc: TcpListener,
+    pub(super) http: Option<Door>,
+}
+
+impl Listeners {
+    /// Opens the ports of the settings, within a runtime.
+    pub async fn bind(config: &ServerConfig) -> Result<Self> {
+        let grpc = listen("server.grpc", config.grpc).await?;
+        let http = match config.http {
+            Some(address) => Some(door(address, config.max_points).await?),
+            None => None,
+        };
+        Ok(Self { grpc, http })
+    }
+
+    /// Where gRPC listens.
+    pub fn grpc_address(&self) -> Result<SocketAddr> {
+        self.grpc.local_addr().map_err(|e| Error::Internal(format!("the gRPC port: {e}")))
+    }
+
+    /// Where HTTP listens, if it does.
+    pub fn http_address(&self) -> Option<SocketAddr> {
+        self.http.as_ref().map(Door::address)
+    }
+}
+
+/// gRPC alone.
+impl From<TcpListener> for Listeners {
+    fn from(grpc: TcpListener) -> Self {
+        Self { grpc, http: None }
+    }
+}
+
+async fn door(address: SocketAddr, max_points: usize) -> Result<Door> {
+    let listener = listen("server.http", address).await?;
+    Door::open(listener, max_points).map_err(|e| refused("server.http", address, &e))
+}
+
+async fn listen(key: &str, address: SocketAddr) -> Result<TcpListener> {
+    TcpListener::bind(address).await.map_err(|e| refused(key, address, &e))
+}
+
+fn refused(key: &str, address: SocketAddr, error: &std::io::Error) -> Error {
+    Error::Unavailable(format!("{key}: cannot listen on {address}: {error}"))
+}

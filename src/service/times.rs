@@ -1,0 +1,78 @@
+//! How long things take: what a transport's answers waited for and worked on, and how soon frames
+//! are seen.
+
+use std::time::Duration;
+
+use crate::telemetry::{Distribution, Histogram};
+
+/// A verb on a transport.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Call {
+    GrpcQueryPoints,
+    GrpcStreamQuery,
+    HttpQueryPoints,
+}
+
+impl Call {
+    pub const ALL: [Self; 3] =
+        [Self::GrpcQueryPoints, Self::GrpcStreamQuery, Self::HttpQueryPoints];
+
+    /// The names of the transport and of the verb.
+    pub fn names(self) -> (&'static str, &'static str) {
+        match self {
+            Self::GrpcQueryPoints => ("grpc", "query_points"),
+            Self::GrpcStreamQuery => ("grpc", "stream_query"),
+            Self::HttpQueryPoints => ("http", "query_points"),
+        }
+    }
+}
+
+/// The answered questions of one call.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CallTimes {
+    pub call: Call,
+    /// Until a thread took the question up.
+    pub queue: Distribution,
+    /// From there to its answer.
+    pub compute: Distribution,
+}
+
+#[derive(Debug, Default)]
+pub(super) struct Times {
+    calls: [(Histogram, Histogram); Call::ALL.len()],
+}
+
+impl Times {
+    pub(super) fn observe(&self, call: Call, queued: Duration, spent: Duration) {
+        let (queue, compute) = &self.calls[call as usize];
+        queue.observe(queued);
+        compute.observe(spent.saturating_sub(queued));
+    }
+
+    pub(super) fn read(&self) -> Vec<CallTimes> {
+        let read = |(call, (queue, compute)): (&Call, &(Histogram, Histogram))| CallTimes {
+            call: *call,
+            queue: queue.read(),
+            compute: compute.read(),
+        };
+        Call::ALL.iter().zip(&self.calls).map(read).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn waiting_and_working_are_told_apart() {
+        let times = Times::default();
+        let ms = Duration::from_millis;
+        times.observe(Call::HttpQueryPoints, ms(3), ms(5));
+        for read in times.read() {
+            let seconds = (read.queue.sum_s, read.compute.sum_s);
+            let expected =
+                if read.call == Call::HttpQueryPoints { (0.003, 0.002) } else { (0.0, 0.0) };
+            assert_eq!(seconds, expected, "{:?}", read.call);
+        }
+    }
+}
