@@ -11,7 +11,9 @@ use super::refusal::Refusal;
 use super::schemas;
 use crate::error::Error;
 use crate::map::Fields;
-use crate::service::{PointsQuestion, Unknown, UnknownPolicy};
+use crate::service::{
+    PointsQuestion, Unknown, UnknownPolicy, check_frame_id, check_unknown_distance,
+};
 
 /// A column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]
@@ -53,6 +55,9 @@ pub(super) struct Options {
     pub(super) unknown_distance_m: Option<f32>,
 }
 
+/// The largest integer that JSON readers in all languages hold exactly: 2^53 - 1.
+pub(super) const MAX_INTEGER: u64 = (1 << 53) - 1;
+
 const FIELDS: [(&str, Field); 4] = [
     ("distance", Field::Distance),
     ("gradient", Field::Gradient),
@@ -63,14 +68,18 @@ const POLICIES: [(&str, Policy); 3] =
     [("report", Policy::Report), ("free", Policy::Free), ("occupied", Policy::Occupied)];
 
 impl Options {
-    /// Reads a query string; a key that does not exist, or twice, is an error.
+    /// Reads a query string; a key that does not exist, or twice, is an error. Values are checked even
+    /// if the body has others.
     pub(super) fn of_query(query: Option<&str>) -> Result<Self, Refusal> {
         let mut options = Self::default();
         for pair in query.unwrap_or_default().split('&').filter(|pair| !pair.is_empty()) {
             let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
             let (key, value) = (decoded(key)?, decoded(value)?);
             let is_first = match key.as_str() {
-                "frame_id" => options.frame_id.replace(value).is_none(),
+                "frame_id" => {
+                    check_frame_id(&value)?;
+                    options.frame_id.replace(value).is_none()
+                }
                 "fields" => options.fields.replace(list(&value)?).is_none(),
                 "min_epoch" => options.min_epoch.replace(number(&key, &value)?).is_none(),
                 "max_age_ms" => options.max_age_ms.replace(number(&key, &value)?).is_none(),
@@ -79,7 +88,9 @@ impl Options {
                     options.unknown_policy.replace(policy).is_none()
                 }
                 "unknown_distance_m" => {
-                    options.unknown_distance_m.replace(number(&key, &value)?).is_none()
+                    let distance_m = number(&key, &value)?;
+                    check_unknown_distance(distance_m)?;
+                    options.unknown_distance_m.replace(distance_m).is_none()
                 }
                 _ => {
                     let shown: String = key.chars().take(64).collect();
@@ -92,7 +103,19 @@ impl Options {
                 return Err(Error::invalid(key, "is there twice").into());
             }
         }
+        options.check()?;
         Ok(options)
+    }
+
+    /// Refuses numbers that JSON does not hold exactly: no epoch and no age is so large.
+    pub(super) fn check(&self) -> Result<(), Refusal> {
+        for (key, number) in [("min_epoch", self.min_epoch), ("max_age_ms", self.max_age_ms)] {
+            if let Some(number) = number.filter(|number| *number > MAX_INTEGER) {
+                let problem = format!("{number} must be within 0..={MAX_INTEGER}");
+                return Err(Error::invalid(key, problem).into());
+            }
+        }
+        Ok(())
     }
 
     /// These, and where they leave something out the others.
@@ -193,6 +216,9 @@ mod tests {
             ("max_age_ms=soon", ["max_age_ms: ", "'soon'"]),
             ("unknown_policy=hope", ["unknown_policy: ", "occupied"]),
             ("unknown_distance_m=x", ["unknown_distance_m: ", "'x'"]),
+            ("unknown_distance_m=0", ["unknown_distance_m: ", "10000"]),
+            ("frame_id=odom", ["frame_id: ", "map"]),
+            ("min_epoch=9007199254740992", ["min_epoch: ", "9007199254740991"]),
             ("min_epoch=1&min_epoch=1", ["min_epoch: ", "twice"]),
             ("frame_id=%ff", ["query string: ", "UTF-8"]),
         ] {

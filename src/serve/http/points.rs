@@ -137,6 +137,7 @@ async fn read_json(edge: &Edge, body: Body) -> Result<(Vec<Vec3>, Options, Share
         unknown_policy: request.unknown_policy,
         unknown_distance_m: request.unknown_distance_m,
     };
+    options.check()?;
     Ok((request.points_m, options, share))
 }
 

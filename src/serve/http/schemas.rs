@@ -6,17 +6,16 @@ use utoipa::openapi::schema::{
 };
 use utoipa::openapi::{ObjectBuilder, Schema};
 
+use super::options::MAX_INTEGER;
 use crate::geometry::MAX_COORDINATE_M;
 use crate::service::MAP_FRAME;
 
 fn integer(types: &[Type]) -> ObjectBuilder {
     let types = [&[Type::Integer], types].concat();
-    // Larger numbers are read too, but few programs have them.
-    let most = i64::MAX as f64;
     ObjectBuilder::new()
         .schema_type(SchemaType::from_iter(types))
         .format(Some(SchemaFormat::KnownFormat(KnownFormat::Int64)))
-        .maximum(Some(most))
+        .maximum(Some(MAX_INTEGER as usize))
 }
 
 pub(super) fn timeout() -> Schema {
