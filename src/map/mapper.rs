@@ -7,14 +7,13 @@ use serde::{Deserialize, Serialize};
 
 use super::budget::Sizes;
 use super::robots::Robots;
-use super::view::{BRICKS, MapView, NODES, ROWS, Store};
+use super::view::Store;
 use crate::backend::{Backend, Host, StepParameters};
 use crate::config::{MapConfig, Prior};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
-use crate::geometry::Aabb;
 use crate::modality::losses::{LossWeights, Stencil};
-use crate::octree::{Explicit, NO_NODE, NodeSource, Topology};
+use crate::octree::{Explicit, Topology};
 use crate::surface::Surface;
 use crate::train::{KeyFrame, KeyFrames, RayPlan, Schedule, sample};
 
@@ -215,7 +214,7 @@ impl Mapper {
     }
 
     /// Adds the time since `start` to a stage of the frame.
-    fn stage(&mut self, name: &str, start: Instant) {
+    pub(super) fn stage(&mut self, name: &str, start: Instant) {
         let took = start.elapsed().as_secs_f32() * 1e3;
         match self.stats.stages_ms.iter_mut().find(|(n, _)| n == name) {
             Some((_, sum)) => *sum += took,
@@ -240,79 +239,6 @@ impl Mapper {
             set.map_err(|e| Error::Internal(format!("the priority of trainer threads: {e}")))?;
         }
         Ok(())
-    }
-
-    /// Publishes everything so far as an immutable view, of a new epoch if anything has changed.
-    pub fn publish(&mut self) -> Arc<MapView> {
-        let start = Instant::now();
-        self.stats.epoch += u64::from(std::mem::take(&mut self.changed));
-        self.write_nodes();
-        self.write_rows();
-        self.store.bricks.grow(self.surface.evidence.bricks().div_ceil(BRICKS));
-        for brick in std::mem::take(&mut self.changed_bricks) {
-            let page = self.store.bricks.write(brick as usize / BRICKS);
-            page.known[brick as usize % BRICKS] = *self.surface.evidence.known(brick);
-        }
-        self.stage("publish", start);
-        self.schedule.learn_publish(start.elapsed());
-        Arc::new(MapView {
-            epoch: self.stats.epoch,
-            newest_stamp_ns: self.newest_stamp_ns,
-            config: self.config.clone(),
-            decoders: self.backend.decoders(),
-            store: self.store.clone(),
-        })
-    }
-
-    /// Brings the view's rows up to date: prior plus what the backend learned.
-    fn write_rows(&mut self) {
-        let rows = self.topology.rows();
-        self.store.rows.grow(rows.div_ceil(ROWS));
-        self.learned.resize(rows, [0.0; 4]);
-        let closed = self.config.prior == Prior::Closed;
-        let prior = if closed { self.surface.prior.values() } else { &self.no_prior[..] };
-        let (pages, learned) = (&mut self.store.rows, &mut self.learned);
-        let explicit = |row: u32, learned: &Explicit| {
-            std::array::from_fn(|i| prior[row as usize][i] + learned[i])
-        };
-        self.backend.read_changed(&mut |row, values| {
-            let (page, i) = (pages.write(row as usize / ROWS), row as usize % ROWS);
-            page.feature[i] = values.sdf_feature;
-            page.occupancy[i] = values.occupancy_feature;
-            page.explicit[i] = explicit(row, &values.explicit);
-            learned[row as usize] = values.explicit;
-        });
-        for row in std::mem::take(&mut self.changed_rows) {
-            let page = pages.write(row as usize / ROWS);
-            page.explicit[row as usize % ROWS] = explicit(row, &learned[row as usize]);
-        }
-    }
-
-    fn write_nodes(&mut self) {
-        let mut nodes = self.topology.take_changed_nodes();
-        nodes.sort_unstable();
-        nodes.dedup();
-        self.store.root = self.topology.root();
-        self.store.node_slots = self.topology.node_slots();
-        self.store.nodes.grow(self.topology.node_slots().div_ceil(NODES));
-        let mut bounds = self.store.bounds.unwrap_or(Aabb::EMPTY);
-        for node in nodes {
-            let page = self.store.nodes.write(node as usize / NODES);
-            let i = node as usize % NODES;
-            page.children[i] = self.topology.children(node);
-            page.corners[i] = *self.topology.corners(node);
-            page.low[i] = self.topology.low_corner(node);
-            page.log2_size[i] = self.topology.log2_size(node);
-            let low = self.topology.min_m(node);
-            let brick = self.surface.evidence.find(low + 0.5 * self.topology.size_m(node));
-            let carries = page.corners[i][0] != NO_NODE;
-            page.brick[i] = brick.filter(|_| carries).map_or(NO_NODE, |b| b.brick);
-            if carries {
-                bounds.extend(low);
-                bounds.extend(low + self.topology.size_m(node));
-            }
-        }
-        self.store.bounds = (!bounds.is_empty()).then_some(bounds);
     }
 
     /// Refines from key frames when no frame waits, for about `budget`. Returns whether more

@@ -6,6 +6,7 @@ mod mapper;
 mod mesh;
 mod pages;
 mod parallel;
+mod publish;
 mod query;
 mod robots;
 mod slice;

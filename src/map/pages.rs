@@ -9,13 +9,15 @@ const BLOCK: usize = 64;
 /// copies a page only while a clone still holds it.
 #[derive(Clone)]
 pub(super) struct PageTable<P> {
-    blocks: Vec<Arc<Vec<Arc<P>>>>,
+    blocks: Vec<Arc<[Arc<P>; BLOCK]>>,
     pages: usize,
+    /// Stands for every page that was never written.
+    empty: Arc<P>,
 }
 
-impl<P> Default for PageTable<P> {
+impl<P: Default> Default for PageTable<P> {
     fn default() -> Self {
-        Self { blocks: Vec::new(), pages: 0 }
+        Self { blocks: Vec::new(), pages: 0, empty: Arc::default() }
     }
 }
 
@@ -33,20 +35,14 @@ impl<P: Clone + Default> PageTable<P> {
 
     /// All pages in order.
     pub(super) fn pages(&self) -> impl Iterator<Item = &P> {
-        self.blocks.iter().flat_map(|block| block.iter().map(|page| &**page))
+        self.blocks.iter().flat_map(|block| block.iter().map(|page| &**page)).take(self.pages)
     }
 
     /// Adds empty pages until there are `pages`.
     pub(super) fn grow(&mut self, pages: usize) {
-        while self.pages < pages {
-            if self.pages.is_multiple_of(BLOCK) {
-                self.blocks.push(Arc::new(Vec::with_capacity(BLOCK)));
-            }
-            if let Some(block) = self.blocks.last_mut() {
-                Arc::make_mut(block).push(Arc::new(P::default()));
-            }
-            self.pages += 1;
-        }
+        self.pages = self.pages.max(pages);
+        let empty = || Arc::new(std::array::from_fn(|_| self.empty.clone()));
+        self.blocks.resize_with(self.pages.div_ceil(BLOCK), empty);
     }
 
     /// The page with an index, for writing.

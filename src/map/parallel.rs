@@ -35,14 +35,7 @@ pub fn query_parallel(
 ) -> PointAnswers {
     let pieces: Vec<PointAnswers> = pool
         .install(|| points.par_chunks(CHUNK_POINTS).map(|chunk| query(chunk, fields)).collect());
-    let mut all = PointAnswers::default();
-    for piece in pieces {
-        all.distance.extend(piece.distance);
-        all.gradient.extend(piece.gradient);
-        all.occupancy.extend(piece.occupancy);
-        all.state.extend(piece.state);
-    }
-    all
+    PointAnswers::concatenate(pieces)
 }
 
 #[cfg(test)]

@@ -4,9 +4,13 @@ use glam::Vec3;
 
 use super::view::MapView;
 use crate::config::Prior;
+use crate::geometry::simd::prefetch;
 use crate::modality::read::{Answers, evaluate};
 use crate::octree::Found;
 use crate::surface::{Lattice, NEAR_M};
+
+/// Points whose evidence is asked for ahead of its use: enough to hide a trip to memory.
+const AHEAD: usize = 16;
 
 /// What a query asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,6 +52,21 @@ pub struct PointAnswers {
     pub state: Vec<u8>,
 }
 
+impl PointAnswers {
+    /// The answers to all points, from those to the chunks that they were cut into.
+    pub fn concatenate(parts: Vec<Self>) -> Self {
+        fn column<T: Copy>(parts: &[PointAnswers], of: impl Fn(&PointAnswers) -> &[T]) -> Vec<T> {
+            parts.iter().map(of).collect::<Vec<_>>().concat()
+        }
+        Self {
+            distance: column(&parts, |p| &p.distance),
+            gradient: column(&parts, |p| &p.gradient),
+            occupancy: column(&parts, |p| &p.occupancy),
+            state: column(&parts, |p| &p.state),
+        }
+    }
+}
+
 impl MapView {
     /// Answers `points` (world metres) on the calling thread. Points outside, unobserved or not
     /// finite are unknown.
@@ -70,14 +89,18 @@ impl MapView {
         };
         evaluate(&self.store, &self.decoders, points, answers);
         let near_voxel = self.near_voxel();
+        let known = |voxel: &Found| voxel.is_some().then(|| self.store.known(voxel.node)).flatten();
         for (i, &voxel) in voxels.iter().enumerate() {
+            if let Some(known) = voxels.get(i + AHEAD).and_then(known) {
+                prefetch(known);
+            }
             if !voxel.is_some() {
                 continue;
             }
             let d = distance[i];
             let near =
                 d.abs() <= NEAR_M && near_voxel.is_some_and(|limit| voxel.log2_size <= limit);
-            if near || self.store.is_known(voxel.node, points[i]) {
+            if near || known(&voxel).is_some_and(|known| self.store.holds(known, points[i])) {
                 if fields.state {
                     state[i] = if d < 0.0 { State::Occupied } else { State::Free } as u8;
                 }

@@ -6,13 +6,13 @@ use serde::{Deserialize, Serialize};
 
 use super::mapper::{MapStats, Mapper};
 use super::robots::Robots;
-use super::view::{BRICKS, MapView, NODES, ROWS, Store};
+use super::view::{BRICKS, MapView, NODES, Node, ROWS, Store};
 use crate::backend::BackendState;
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
-use crate::modality::{Decoders, OCCUPANCY_FEATURES, SDF_FEATURES, occupancy, sdf};
-use crate::octree::{Cell, ChildLink, Explicit, NO_NODE, NO_ROW, Root, TopologyState};
+use crate::modality::{Decoders, Row, occupancy, sdf};
+use crate::octree::{Cell, ChildLink, NO_NODE, NO_ROW, Root, TopologyState};
 use crate::surface::{Known, Lattice, SurfaceState};
 use crate::train::KeyFramesState;
 
@@ -99,9 +99,7 @@ pub struct ViewState {
     pub low_corners: Vec<Cell>,
     pub log2_sizes: Vec<u8>,
     pub node_bricks: Vec<u32>,
-    pub explicit: Vec<Explicit>,
-    pub features: Vec<[f32; SDF_FEATURES]>,
-    pub occupancy: Vec<[f32; OCCUPANCY_FEATURES]>,
+    pub rows: Vec<Row>,
     pub known: Vec<Known>,
 }
 
@@ -123,22 +121,18 @@ impl MapView {
             low_corners: Vec::new(),
             log2_sizes: Vec::new(),
             node_bricks: Vec::new(),
-            explicit: Vec::new(),
-            features: Vec::new(),
-            occupancy: Vec::new(),
+            rows: Vec::new(),
             known: Vec::new(),
         };
         for page in store.nodes.pages() {
             state.children.extend(page.children);
-            state.corners.extend(page.corners);
-            state.low_corners.extend(page.low);
-            state.log2_sizes.extend(page.log2_size);
-            state.node_bricks.extend(page.brick);
+            state.corners.extend(page.nodes.iter().map(|n| n.corners));
+            state.low_corners.extend(page.nodes.iter().map(|n| n.low));
+            state.log2_sizes.extend(page.nodes.iter().map(|n| n.log2_size));
+            state.node_bricks.extend(page.nodes.iter().map(|n| n.brick));
         }
         for page in store.rows.pages() {
-            state.explicit.extend(page.explicit);
-            state.features.extend(page.feature);
-            state.occupancy.extend(page.occupancy);
+            state.rows.extend(page.rows);
         }
         state.known.extend(store.bricks.pages().flat_map(|page| page.known));
         state
@@ -161,17 +155,16 @@ impl MapView {
         for node in 0..state.children.len() {
             let (page, i) = (store.nodes.write(node / NODES), node % NODES);
             page.children[i] = state.children[node];
-            page.corners[i] = state.corners[node];
-            page.low[i] = state.low_corners[node];
-            page.log2_size[i] = state.log2_sizes[node];
-            page.brick[i] = state.node_bricks[node];
+            page.nodes[i] = Node {
+                corners: state.corners[node],
+                brick: state.node_bricks[node],
+                low: state.low_corners[node],
+                log2_size: state.log2_sizes[node],
+            };
         }
-        store.rows.grow(state.explicit.len().div_ceil(ROWS));
-        for row in 0..state.explicit.len() {
-            let (page, i) = (store.rows.write(row / ROWS), row % ROWS);
-            page.explicit[i] = state.explicit[row];
-            page.feature[i] = state.features[row];
-            page.occupancy[i] = state.occupancy[row];
+        store.rows.grow(state.rows.len().div_ceil(ROWS));
+        for (row, values) in state.rows.iter().enumerate() {
+            store.rows.write(row / ROWS).rows[row % ROWS] = *values;
         }
         store.bricks.grow(state.known.len().div_ceil(BRICKS));
         for (brick, known) in state.known.iter().enumerate() {
@@ -202,7 +195,7 @@ impl MapView {
 
 /// Every index in a stored view refers to something that is there.
 fn check(state: &ViewState) -> Result<()> {
-    let (slots, rows, bricks) = (state.children.len(), state.explicit.len(), state.known.len());
+    let (slots, rows, bricks) = (state.children.len(), state.rows.len(), state.known.len());
     let nodes = [
         state.corners.len(),
         state.low_corners.len(),
@@ -213,8 +206,6 @@ fn check(state: &ViewState) -> Result<()> {
     let child_exists = |l: &ChildLink| l & 0xff == 0 || (*l >> 8) as usize * 8 + 7 < slots;
     let brick_exists = |b: &u32| *b == NO_NODE || (*b as usize) < bricks;
     let fits = nodes.iter().all(|&n| n == slots)
-        && state.features.len() == rows
-        && state.occupancy.len() == rows
         && state.corners.iter().flatten().all(row_exists)
         && state.children.iter().all(child_exists)
         && state.node_bricks.iter().all(brick_exists)

@@ -6,50 +6,52 @@ use glam::Vec3;
 
 use super::pages::PageTable;
 use crate::config::MapConfig;
-use crate::geometry::Aabb;
-use crate::modality::{Decoders, RowSource};
-use crate::octree::{ChildLink, Explicit, NO_NODE, NO_ROW, NodeSource, Root};
+use crate::geometry::{Aabb, floor};
+use crate::modality::{Decoders, Row, RowSource};
+use crate::octree::{ChildLink, NO_NODE, NO_ROW, NodeSource, Root};
 use crate::surface::{BRICK_CELLS, Known};
 
 pub(super) const NODES: usize = 256;
 pub(super) const ROWS: usize = 128;
 pub(super) const BRICKS: usize = 64;
 
-/// Nodes of a page: child links, corner rows, evidence brick and place.
+/// Nodes of a page. Links are apart from the rest, because a descent reads those of eight siblings
+/// and the rest of one node alone.
 #[derive(Clone)]
 pub(super) struct NodePage {
     pub children: [ChildLink; NODES],
-    pub corners: [[u32; 8]; NODES],
-    pub brick: [u32; NODES],
-    /// Low corner in lattice units and log2 of the size; `u8::MAX` for a hole.
-    pub low: [[i32; 3]; NODES],
-    pub log2_size: [u8; NODES],
+    pub nodes: [Node; NODES],
+}
+
+/// What a descent finds, in one cache line.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+pub(super) struct Node {
+    pub corners: [u32; 8],
+    /// The evidence brick that holds the node's cells; [`NO_NODE`] where nothing was observed.
+    pub brick: u32,
+    /// Low corner, lattice units.
+    pub low: [i32; 3],
+    /// `u8::MAX` for a hole.
+    pub log2_size: u8,
 }
 
 impl Default for NodePage {
     fn default() -> Self {
-        Self {
-            children: [0; NODES],
-            corners: [[NO_ROW; 8]; NODES],
-            brick: [NO_NODE; NODES],
-            low: [[0; 3]; NODES],
-            log2_size: [u8::MAX; NODES],
-        }
+        let hole = Node { corners: [NO_ROW; 8], brick: NO_NODE, low: [0; 3], log2_size: u8::MAX };
+        Self { children: [0; NODES], nodes: [hole; NODES] }
     }
 }
 
-/// Vertex rows of a page; features aligned to cache lines.
+/// Vertex rows of a page.
 #[derive(Clone)]
-#[repr(C, align(64))]
 pub(super) struct RowPage {
-    pub feature: [[f32; 16]; ROWS],
-    pub explicit: [Explicit; ROWS],
-    pub occupancy: [[f32; 8]; ROWS],
+    pub rows: [Row; ROWS],
 }
 
 impl Default for RowPage {
     fn default() -> Self {
-        Self { feature: [[0.0; 16]; ROWS], explicit: [[0.0; 4]; ROWS], occupancy: [[0.0; 8]; ROWS] }
+        Self { rows: [Row::default(); ROWS] }
     }
 }
 
@@ -94,24 +96,14 @@ impl NodeSource for Store {
 
     #[inline]
     fn corners(&self, node: u32) -> &[u32; 8] {
-        &self.nodes.page(node as usize / NODES).corners[node as usize % NODES]
+        &self.node(node).corners
     }
 }
 
 impl RowSource for Store {
     #[inline]
-    fn explicit(&self, row: u32) -> &Explicit {
-        &self.rows.page(row as usize / ROWS).explicit[row as usize % ROWS]
-    }
-
-    #[inline]
-    fn sdf_feature(&self, row: u32) -> &[f32; 16] {
-        &self.rows.page(row as usize / ROWS).feature[row as usize % ROWS]
-    }
-
-    #[inline]
-    fn occupancy_feature(&self, row: u32) -> &[f32; 8] {
-        &self.rows.page(row as usize / ROWS).occupancy[row as usize % ROWS]
+    fn row(&self, row: u32) -> &Row {
+        &self.rows.page(row as usize / ROWS).rows[row as usize % ROWS]
     }
 }
 
@@ -128,17 +120,23 @@ impl Store {
             + self.bricks.len() * size_of::<BrickPage>()) as u64
     }
 
-    /// Whether the evidence cell around a point of a voxel was crossed or hit.
     #[inline]
-    pub(super) fn is_known(&self, node: u32, point: Vec3) -> bool {
-        let node = node as usize;
-        let brick = self.nodes.page(node / NODES).brick[node % NODES];
-        if brick == NO_NODE {
-            return false;
-        }
-        let cell = (point / self.cell_m).floor().as_ivec3() & (BRICK_CELLS - 1);
-        let index = (cell.x | cell.y << 3 | cell.z << 6) as usize;
-        let known = &self.bricks.page(brick as usize / BRICKS).known[brick as usize % BRICKS];
+    fn node(&self, node: u32) -> &Node {
+        &self.nodes.page(node as usize / NODES).nodes[node as usize % NODES]
+    }
+
+    /// Which evidence cells around a voxel were crossed or hit; `None` where nothing was observed.
+    #[inline]
+    pub(super) fn known(&self, node: u32) -> Option<&Known> {
+        let brick = self.node(node).brick as usize;
+        (brick != NO_NODE as usize).then(|| &self.bricks.page(brick / BRICKS).known[brick % BRICKS])
+    }
+
+    /// Whether `known`, of the voxel around a point, holds the cell of the point.
+    #[inline]
+    pub(super) fn holds(&self, known: &Known, point: Vec3) -> bool {
+        let cell = |x: f32| (floor(x / self.cell_m) & (BRICK_CELLS - 1)) as usize;
+        let index = cell(point.x) | cell(point.y) << 3 | cell(point.z) << 6;
         known[index >> 6] >> (index & 63) & 1 == 1
     }
 }
@@ -182,18 +180,18 @@ impl MapView {
         for node in 0..store.node_slots {
             let page = store.nodes.page(node / NODES);
             let i = node % NODES;
-            let corners = &page.corners[i];
-            if page.log2_size[i] == u8::MAX
+            let Node { corners, low, log2_size, .. } = &page.nodes[i];
+            if *log2_size == u8::MAX
                 || corners[0] == NO_ROW
                 || page.children[i] & 0xff == 0xff
-                || (1u64 << page.log2_size[i]) as f32 * store.unit_m > 1.01 * self.config.r0_m
+                || (1u64 << log2_size) as f32 * store.unit_m > 1.01 * self.config.r0_m
             {
                 continue;
             }
-            let size = (1u64 << page.log2_size[i]) as f32 * store.unit_m;
-            let near = corners.iter().any(|&row| store.explicit(row)[0].abs() < 1.7321 * size);
-            if near {
-                let low = Vec3::from(page.low[i].map(|c| c as f32)) * store.unit_m;
+            let size = (1u64 << log2_size) as f32 * store.unit_m;
+            let near = |&row: &u32| store.row(row).explicit[0].abs() < 1.7321 * size;
+            if corners.iter().any(near) {
+                let low = Vec3::from(low.map(|c| c as f32)) * store.unit_m;
                 boxes.push(Aabb { min: low, max: low + size });
             }
         }

@@ -18,6 +18,7 @@ pub(crate) mod test_tree;
 
 use decoder::Decoder;
 
+use crate::geometry::simd::Half;
 use crate::octree::Explicit;
 
 /// Numbers of a residual feature.
@@ -25,15 +26,36 @@ pub const SDF_FEATURES: usize = 16;
 /// Numbers of an occupancy feature.
 pub const OCCUPANCY_FEATURES: usize = 8;
 
-/// Read access to vertex rows, by the mapper's flat arrays or by a view's pages. Features are read
-/// as whole cache lines: keep them 64-byte aligned (32 for occupancy), explicit rows 16.
-pub trait RowSource {
-    /// (d, gx, gy, gz): prior plus learned.
-    fn explicit(&self, row: u32) -> &Explicit;
+/// What the decoders read at a vertex. In halves: a row's part in a residual of a centimetre is off
+/// by some micrometres, and a whole [`Row`] is one cache line, which is what reading costs.
+#[derive(Debug, Clone, Copy, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Features {
     /// The residual feature.
-    fn sdf_feature(&self, row: u32) -> &[f32; SDF_FEATURES];
-    /// The occupancy feature.
-    fn occupancy_feature(&self, row: u32) -> &[f32; OCCUPANCY_FEATURES];
+    pub sdf: [Half; SDF_FEATURES],
+    pub occupancy: [Half; OCCUPANCY_FEATURES],
+}
+
+impl Features {
+    /// The nearest halves.
+    pub fn nearest(sdf: &[f32; SDF_FEATURES], occupancy: &[f32; OCCUPANCY_FEATURES]) -> Self {
+        Self { sdf: sdf.map(Half::nearest), occupancy: occupancy.map(Half::nearest) }
+    }
+}
+
+/// A vertex as it is read.
+#[derive(Debug, Clone, Copy, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C, align(64))]
+pub struct Row {
+    /// (d, gx, gy, gz): prior plus learned.
+    pub explicit: Explicit,
+    pub features: Features,
+}
+
+/// Read access to vertex rows.
+pub trait RowSource {
+    /// The row with a number, which must exist.
+    fn row(&self, row: u32) -> &Row;
 }
 
 /// The decoders of a map at one moment, shared by every view that shows it.

@@ -1,6 +1,11 @@
 //! Descent from the root to the finest allocated voxel that contains a point.
 
+use std::hint::select_unpredictable;
+
 use glam::Vec3;
+
+use crate::geometry::floor;
+use crate::geometry::simd::prefetch;
 
 /// A packed child link: 0 = no children; else `(first << 8) | mask`, where the child of octant
 /// `o` is node `first * 8 + o` and exists iff bit `o` of `mask` is set. A missing child is a hole
@@ -86,43 +91,49 @@ impl<'a, S: NodeSource + ?Sized> Lookup<'a, S> {
     /// [`Self::find`] for many points; `cells` is as long as `points`.
     pub fn find_many(&self, points: &[Vec3], cells: &mut [Found]) {
         for (points, cells) in points.chunks(SIDE_BY_SIDE).zip(cells.chunks_mut(SIDE_BY_SIDE)) {
-            self.find_side_by_side(points, cells);
+            self.descend(points, cells);
+        }
+        for (point, cell) in points.iter().zip(cells) {
+            if cell.is_some() && self.source.corners(cell.node)[0] == u32::MAX {
+                *cell = self.offset(*point).map_or(Found::NONE, |at| self.last_with_rows(at));
+            }
         }
     }
 
-    fn find_side_by_side(&self, points: &[Vec3], cells: &mut [Found]) {
+    /// Finds the finest voxels, with rows or without, and asks for their corners. No branch depends
+    /// on a node: a wrong guess would wait for the memory of one point before it goes on with the
+    /// others.
+    fn descend(&self, points: &[Vec3], cells: &mut [Found]) {
         let mut offsets = [[0u32; 3]; SIDE_BY_SIDE];
-        // Bit i: point i still descends.
-        let mut live = 0u32;
-        for (i, (point, cell)) in points.iter().zip(cells.iter_mut()).enumerate() {
-            *cell = Found::NONE;
+        // Whether a point descends still; one outside of the root never does.
+        let mut goes_on = [false; SIDE_BY_SIDE];
+        let (mut nodes, mut depths) = ([self.root.node; SIDE_BY_SIDE], [0; SIDE_BY_SIDE]);
+        for (i, point) in points.iter().enumerate() {
             if let Some(offset) = self.offset(*point) {
-                offsets[i] = offset;
-                *cell = Found { node: self.root.node, log2_size: self.root.log2_size };
-                live |= 1 << i;
+                (offsets[i], goes_on[i]) = (offset, true);
             }
         }
-        let inside = live;
+        let inside = goes_on;
         for bit in (0..u32::from(self.root.log2_size)).rev() {
-            let mut waiting = live;
-            while waiting != 0 {
-                let i = waiting.trailing_zeros() as usize;
-                waiting &= waiting - 1;
-                let link = self.source.children(cells[i].node);
+            let mut any = false;
+            for i in 0..points.len().min(SIDE_BY_SIDE) {
+                let link = self.source.children(nodes[i]);
                 let octant = octant(offsets[i], bit);
-                if link >> octant & 1 == 0 {
-                    live &= !(1 << i);
-                } else {
-                    cells[i] = Found { node: (link >> 8) * 8 + octant, log2_size: bit as u8 };
-                }
+                goes_on[i] &= link >> octant & 1 == 1;
+                let child = (link >> 8) * 8 + octant;
+                nodes[i] = select_unpredictable(goes_on[i], child, nodes[i]);
+                depths[i] += u8::from(goes_on[i]);
+                any |= goes_on[i];
             }
-            if live == 0 {
+            if !any {
                 break;
             }
         }
         for (i, cell) in cells.iter_mut().enumerate() {
-            if inside >> i & 1 == 1 && self.source.corners(cell.node)[0] == u32::MAX {
-                *cell = self.last_with_rows(offsets[i]);
+            *cell = Found::NONE;
+            if inside[i] {
+                prefetch(self.source.corners(nodes[i]));
+                *cell = Found { node: nodes[i], log2_size: self.root.log2_size - depths[i] };
             }
         }
     }
@@ -180,13 +191,6 @@ impl<'a, S: NodeSource + ?Sized> Lookup<'a, S> {
             size_m: (1u64 << shift) as f32 * self.unit_m,
         }
     }
-}
-
-/// The integer at or below `x`, which fits; plain x86-64 has no instruction for `f32::floor`.
-#[inline]
-fn floor(x: f32) -> i32 {
-    let towards_zero = x as i32;
-    towards_zero - i32::from(towards_zero as f32 > x)
 }
 
 /// The octant of a cell at one level.

@@ -239,7 +239,7 @@ impl Question {
         let mut progress = self.progress();
         let parts: Option<Vec<PointAnswers>> = progress.answered.drain(..).collect();
         if let Some(parts) = parts {
-            progress.finish(Ok(concatenate(parts)));
+            progress.finish(Ok(PointAnswers::concatenate(parts)));
         }
     }
 }
@@ -266,17 +266,6 @@ pub(super) fn evaluate(
         fill.apply(&mut answers);
     }
     Ok(answers)
-}
-
-fn concatenate(parts: Vec<PointAnswers>) -> PointAnswers {
-    let mut whole = PointAnswers::default();
-    for part in parts {
-        whole.distance.extend(part.distance);
-        whole.gradient.extend(part.gradient);
-        whole.occupancy.extend(part.occupancy);
-        whole.state.extend(part.state);
-    }
-    whole
 }
 
 #[cfg(test)]

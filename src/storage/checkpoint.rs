@@ -57,11 +57,9 @@ const ROW_MOMENTS: Tag = Tag(*b"BMOM");
 const ROW_STEPS: Tag = Tag(*b"BSTP");
 const DECODERS: Tag = Tag(*b"BDEC");
 const VIEW: Tag = Tag(*b"VIEW");
-const VIEW_EXPLICIT: Tag = Tag(*b"VEXP");
-const VIEW_FEATURES: Tag = Tag(*b"VFEA");
-const VIEW_OCCUPANCY: Tag = Tag(*b"VOCC");
+const VIEW_ROWS: Tag = Tag(*b"VROW");
 
-const ALL: [Tag; 43] = [
+const ALL: [Tag; 41] = [
     KIND,
     CONFIG,
     PROGRESS,
@@ -102,9 +100,7 @@ const ALL: [Tag; 43] = [
     ROW_STEPS,
     DECODERS,
     VIEW,
-    VIEW_EXPLICIT,
-    VIEW_FEATURES,
-    VIEW_OCCUPANCY,
+    VIEW_ROWS,
 ];
 
 /// What a map file holds.
@@ -358,9 +354,7 @@ fn save_compact(view: &MapView, path: &Path) -> Result<()> {
     out.put_array(NODE_LOWS, &state.low_corners)?;
     out.put_array(NODE_SIZES, &state.log2_sizes)?;
     out.put_array(NODE_BRICKS, &state.node_bricks)?;
-    out.put_array(VIEW_EXPLICIT, &state.explicit)?;
-    out.put_array(VIEW_FEATURES, &state.features)?;
-    out.put_array(VIEW_OCCUPANCY, &state.occupancy)?;
+    out.put_array(VIEW_ROWS, &state.rows)?;
     out.put_array(BRICK_KNOWN, &state.known)?;
     out.write(path)
 }
@@ -374,9 +368,7 @@ fn take_view(from: &mut Sections<'_>) -> Result<MapView> {
         low_corners: from.take_array(NODE_LOWS)?,
         log2_sizes: from.take_array(NODE_SIZES)?,
         node_bricks: from.take_array(NODE_BRICKS)?,
-        explicit: from.take_array(VIEW_EXPLICIT)?,
-        features: from.take_array(VIEW_FEATURES)?,
-        occupancy: from.take_array(VIEW_OCCUPANCY)?,
+        rows: from.take_array(VIEW_ROWS)?,
         known: from.take_array(BRICK_KNOWN)?,
     };
     MapView::from_state(config, state)

@@ -10,7 +10,7 @@ use glam::Vec3;
 use orenx::backend::{Backend, CpuBackend, Host, StepParameters};
 use orenx::config::{MapConfig, MapSettings, Profile};
 use orenx::geometry::random::{normal, pcg4d, unit};
-use orenx::modality::RowSource;
+use orenx::modality::Features;
 use orenx::modality::losses::{LossWeights, Stencil};
 use orenx::modality::read::{Answers, evaluate};
 use orenx::octree::Explicit;
@@ -118,8 +118,8 @@ fn steps(criterion: &mut Criterion) {
         let batches: Vec<Batch> = (0..8).map(|seed| batch(&config, seed)).collect();
         for threads in [1, 2] {
             let mut backend = CpuBackend::new(&config, pool(threads)).expect("valid");
-            Backend::<Tree>::resize(&mut backend, tree.rows());
-            let host = Host { nodes: &tree, prior: &tree.explicit };
+            Backend::<Tree>::resize(&mut backend, tree.rows.len());
+            let host = Host { nodes: &tree, prior: &tree.prior };
             let parameters = parameters(profile);
             let mut next = 0;
             let mut group = criterion.benchmark_group("step");
@@ -155,12 +155,11 @@ fn evaluations(criterion: &mut Criterion) {
     for (name, profile) in [("lite", Profile::Lite), ("full", Profile::Full)] {
         let config = config(profile);
         let mut backend = CpuBackend::new(&config, pool(2)).expect("valid");
-        Backend::<Tree>::resize(&mut backend, tree.rows());
+        Backend::<Tree>::resize(&mut backend, tree.rows.len());
         // Every row near a wall has learned something.
-        for row in 0..tree.rows() {
-            let near = tree.explicit(row as u32)[0].abs() < 0.25;
-            tree.sdf_features[row].0.fill(if near { 0.01 } else { 0.0 });
-            tree.occupancy_features[row].fill(if near { 0.01 } else { 0.0 });
+        for row in 0..tree.rows.len() {
+            let learned = if tree.prior[row][0].abs() < 0.25 { 0.01 } else { 0.0 };
+            tree.rows[row].features = Features::nearest(&[learned; 16], &[learned; 8]);
         }
         let decoders = Backend::<Tree>::decoders(&backend);
         let points = query_points();

@@ -4,9 +4,8 @@
 use std::collections::HashMap;
 
 use glam::Vec3;
-use orenx::modality::RowSource;
-use orenx::octree::Explicit;
-use orenx::octree::{ChildLink, NodeSource, Root};
+use orenx::modality::{Row, RowSource};
+use orenx::octree::{ChildLink, Explicit, NodeSource, Root};
 
 /// A tree and its rows.
 pub(crate) struct Tree {
@@ -16,16 +15,11 @@ pub(crate) struct Tree {
     corners: Vec<[u32; 8]>,
     /// World position of each row, m.
     pub(crate) positions: Vec<Vec3>,
-    /// Prior, or prior plus learned, as the test likes.
-    pub(crate) explicit: Vec<Explicit>,
-    pub(crate) sdf_features: Vec<Feature>,
-    pub(crate) occupancy_features: Vec<[f32; 8]>,
+    /// What `field` said.
+    pub(crate) prior: Vec<Explicit>,
+    /// What is read: at first the prior and no feature.
+    pub(crate) rows: Vec<Row>,
 }
-
-/// A feature on its own cache line.
-#[derive(Clone, Copy, Default)]
-#[repr(C, align(64))]
-pub(crate) struct Feature(pub [f32; 16]);
 
 impl Tree {
     /// A cube of `1 << log2_size` units around the origin; `split(min_m, size_m)` says which
@@ -43,9 +37,8 @@ impl Tree {
             children: vec![0; 8],
             corners: vec![[u32::MAX; 8]; 8],
             positions: Vec::new(),
-            explicit: Vec::new(),
-            sdf_features: Vec::new(),
-            occupancy_features: Vec::new(),
+            prior: Vec::new(),
+            rows: Vec::new(),
         };
         let mut rows = HashMap::new();
         let mut open = vec![(0u32, [-half; 3], log2_size)];
@@ -58,7 +51,7 @@ impl Tree {
                 if row == next {
                     let at = Vec3::from(at.map(|x| x as f32)) * unit_m;
                     tree.positions.push(at);
-                    tree.explicit.push(field(at));
+                    tree.prior.push(field(at));
                 }
                 tree.corners[node as usize][k] = row;
             }
@@ -75,14 +68,9 @@ impl Tree {
                 }
             }
         }
-        tree.sdf_features = vec![Feature::default(); rows.len()];
-        tree.occupancy_features = vec![[0.0; 8]; rows.len()];
+        let read = |explicit: &Explicit| Row { explicit: *explicit, ..Row::default() };
+        tree.rows = tree.prior.iter().map(read).collect();
         tree
-    }
-
-    /// Number of rows.
-    pub(crate) fn rows(&self) -> usize {
-        self.positions.len()
     }
 }
 
@@ -105,15 +93,7 @@ impl NodeSource for Tree {
 }
 
 impl RowSource for Tree {
-    fn explicit(&self, row: u32) -> &Explicit {
-        &self.explicit[row as usize]
-    }
-
-    fn sdf_feature(&self, row: u32) -> &[f32; 16] {
-        &self.sdf_features[row as usize].0
-    }
-
-    fn occupancy_feature(&self, row: u32) -> &[f32; 8] {
-        &self.occupancy_features[row as usize]
+    fn row(&self, row: u32) -> &Row {
+        &self.rows[row as usize]
     }
 }

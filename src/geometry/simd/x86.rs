@@ -8,7 +8,7 @@
 use std::arch::x86_64::*;
 use std::ops::{Add, Mul, Sub};
 
-use super::{Kernel, Lanes};
+use super::{Half, Kernel, Lanes};
 
 #[target_feature(enable = "avx2,fma")]
 pub(super) fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
@@ -62,8 +62,38 @@ impl Lanes for Eight {
     }
 
     #[inline(always)]
+    unsafe fn read_halves(from: *const Half) -> Self {
+        Self(unsafe {
+            let wide = _mm256_cvtepu16_epi32(_mm_loadu_si128(from.cast()));
+            _mm256_castsi256_ps(_mm256_slli_epi32::<16>(wide))
+        })
+    }
+
+    #[inline(always)]
     unsafe fn write(self, to: *mut f32) {
         unsafe { _mm256_storeu_ps(to, self.0) }
+    }
+
+    #[inline(always)]
+    fn columns(rows: [&[f32; 4]; 8]) -> [[f32; 8]; 4] {
+        unsafe {
+            // Rows k and k + 4 share a register, so that its halves are transposed alike.
+            let mut pairs = [_mm256_setzero_ps(); 4];
+            for (k, pair) in pairs.iter_mut().enumerate() {
+                let low = _mm256_castps128_ps256(_mm_loadu_ps(rows[k].as_ptr()));
+                *pair = _mm256_insertf128_ps::<1>(low, _mm_loadu_ps(rows[k + 4].as_ptr()));
+            }
+            let [a, b, c, d] = pairs;
+            let (ab, cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d));
+            let (ef, gh) = (_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d));
+            let columns = [
+                _mm256_shuffle_ps::<0x44>(ab, cd),
+                _mm256_shuffle_ps::<0xee>(ab, cd),
+                _mm256_shuffle_ps::<0x44>(ef, gh),
+                _mm256_shuffle_ps::<0xee>(ef, gh),
+            ];
+            std::mem::transmute(columns)
+        }
     }
 
     #[inline(always)]
@@ -115,8 +145,21 @@ impl Lanes for Sixteen {
     }
 
     #[inline(always)]
+    unsafe fn read_halves(from: *const Half) -> Self {
+        Self(unsafe {
+            let wide = _mm512_cvtepu16_epi32(_mm256_loadu_si256(from.cast()));
+            _mm512_castsi512_ps(_mm512_slli_epi32::<16>(wide))
+        })
+    }
+
+    #[inline(always)]
     unsafe fn write(self, to: *mut f32) {
         unsafe { _mm512_storeu_ps(to, self.0) }
+    }
+
+    #[inline(always)]
+    fn columns(rows: [&[f32; 4]; 8]) -> [[f32; 8]; 4] {
+        Eight::columns(rows)
     }
 
     #[inline(always)]

@@ -3,48 +3,35 @@
 use glam::Vec3;
 
 use super::{Packed, Tile};
-use crate::geometry::simd::{Kernel, LINE, Lanes, prefetch};
-use crate::modality::interpolation::{Place, by_column};
-use crate::modality::{OCCUPANCY_FEATURES, RowSource, SDF_FEATURES, sdf};
-use crate::octree::Explicit;
+use crate::geometry::simd::{Half, Kernel, LINE, Lanes};
+use crate::modality::interpolation::Place;
+use crate::modality::{Features, OCCUPANCY_FEATURES, Row, SDF_FEATURES, sdf};
 
-/// An explicit row that says nothing.
-const NOTHING: Explicit = [0.0; 4];
-/// Points whose rows are asked for ahead of their use: enough to hide a trip to memory.
-const AHEAD: usize = 6;
-
+/// A row that says nothing.
+pub(super) const NOTHING: Row = Row {
+    explicit: [0.0; 4],
+    features: Features { sdf: [Half(0); SDF_FEATURES], occupancy: [Half(0); OCCUPANCY_FEATURES] },
+};
 /// Interpolates the explicit part and packs the features that are not zero.
-pub(super) struct Gather<'a, S> {
-    pub(super) source: &'a S,
+pub(super) struct Gather<'a, 'r> {
     pub(super) want_gradient: bool,
     pub(super) want_residual: bool,
     pub(super) want_occupancy: bool,
-    pub(super) tile: &'a mut Tile,
+    pub(super) tile: &'a mut Tile<'r>,
 }
 
-impl<S: RowSource> Kernel for Gather<'_, S> {
+impl Kernel for Gather<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let (source, tile) = (self.source, &mut *self.tile);
+        let tile = &mut *self.tile;
         for (slot, (rows, place)) in tile.rows.iter().zip(&tile.places).enumerate() {
-            if let Some(rows) = tile.rows.get(slot + AHEAD) {
-                for row in rows {
-                    prefetch(source.explicit(*row));
-                    if self.want_residual {
-                        prefetch(source.sdf_feature(*row));
-                    }
-                    if self.want_occupancy {
-                        prefetch(source.occupancy_feature(*row));
-                    }
-                }
+            let mut explicit = [&NOTHING.explicit; 8];
+            for (explicit, corner) in explicit.iter_mut().zip(rows) {
+                *explicit = &corner.explicit;
             }
-            let mut explicit = [&NOTHING; 8];
-            for (explicit, row) in explicit.iter_mut().zip(rows) {
-                *explicit = source.explicit(*row);
-            }
-            let explicit = by_column(explicit);
+            let explicit = L::columns(explicit);
             let weights = place.weights();
             let distance = if self.want_gradient {
                 let (distance, gradient) = place.distance_and_gradient(&weights, &explicit);
@@ -56,9 +43,9 @@ impl<S: RowSource> Kernel for Gather<'_, S> {
             tile.distances.push(distance);
             let context = sdf::context(distance);
             if self.want_residual {
-                let mut features = [&[0.0; SDF_FEATURES]; 8];
-                for (feature, row) in features.iter_mut().zip(rows) {
-                    *feature = source.sdf_feature(*row);
+                let mut features = [&NOTHING.features.sdf; 8];
+                for (feature, corner) in features.iter_mut().zip(rows) {
+                    *feature = &corner.features.sdf;
                 }
                 if any(&features) {
                     let at = tile.sdf.slots.len();
@@ -71,9 +58,9 @@ impl<S: RowSource> Kernel for Gather<'_, S> {
                 }
             }
             if self.want_occupancy {
-                let mut features = [&[0.0; OCCUPANCY_FEATURES]; 8];
-                for (feature, row) in features.iter_mut().zip(rows) {
-                    *feature = source.occupancy_feature(*row);
+                let mut features = [&NOTHING.features.occupancy; 8];
+                for (feature, corner) in features.iter_mut().zip(rows) {
+                    *feature = &corner.features.occupancy;
                 }
                 if any(&features) {
                     let at = tile.occupancy.slots.len();
@@ -82,7 +69,7 @@ impl<S: RowSource> Kernel for Gather<'_, S> {
                     let mut sum = [0.0; OCCUPANCY_FEATURES];
                     for (feature, weight) in features.iter().zip(&weights) {
                         for (sum, x) in sum.iter_mut().zip(*feature) {
-                            *sum += weight * x;
+                            *sum += weight * x.widen();
                         }
                     }
                     let line = &mut tile.occupancy.features[at * LINE..];
@@ -95,11 +82,11 @@ impl<S: RowSource> Kernel for Gather<'_, S> {
 
 /// Whether any number has a bit set.
 #[inline(always)]
-fn any<const N: usize>(features: &[&[f32; N]; 8]) -> bool {
-    let mut bits = [0u32; N];
+fn any<const N: usize>(features: &[&[Half; N]; 8]) -> bool {
+    let mut bits = [0u16; N];
     for feature in features {
         for (bits, x) in bits.iter_mut().zip(*feature) {
-            *bits |= x.to_bits();
+            *bits |= x.0;
         }
     }
     let mut all = 0;
@@ -112,7 +99,7 @@ fn any<const N: usize>(features: &[&[f32; N]; 8]) -> bool {
 /// Line `at` of `out` becomes Σ w_k f_k.
 #[inline(always)]
 fn interpolate<L: Lanes>(
-    features: &[&[f32; SDF_FEATURES]; 8],
+    features: &[&[Half; SDF_FEATURES]; 8],
     weights: &[f32; 8],
     out: &mut [f32],
     at: usize,
@@ -120,7 +107,7 @@ fn interpolate<L: Lanes>(
     for lane in (0..SDF_FEATURES).step_by(L::N) {
         let mut sum = L::splat(0.0);
         for (feature, weight) in features.iter().zip(weights) {
-            sum = L::splat(*weight).mul_add(L::load(*feature, lane), sum);
+            sum = L::splat(*weight).mul_add(L::load_halves(*feature, lane), sum);
         }
         sum.store(out, at * LINE + lane);
     }
@@ -129,7 +116,7 @@ fn interpolate<L: Lanes>(
 /// Lines `3 at`, `3 at + 1`, `3 at + 2` of `out` become the derivatives of Σ w_k f_k by x, y, z.
 #[inline(always)]
 fn differentiate<L: Lanes>(
-    features: &[&[f32; SDF_FEATURES]; 8],
+    features: &[&[Half; SDF_FEATURES]; 8],
     place: &Place,
     out: &mut [f32],
     at: usize,
@@ -145,8 +132,8 @@ fn differentiate<L: Lanes>(
         // Along x on the four edges, then along y on the two sides, then along z.
         let (mut x, mut dx) = ([scale; 4], [scale; 4]);
         for edge in 0..4 {
-            let low = L::load(features[2 * edge], lane);
-            dx[edge] = L::load(features[2 * edge + 1], lane) - low;
+            let low = L::load_halves(features[2 * edge], lane);
+            dx[edge] = L::load_halves(features[2 * edge + 1], lane) - low;
             x[edge] = t[0].mul_add(dx[edge], low);
         }
         let dy = [x[1] - x[0], x[3] - x[2]];

@@ -6,11 +6,11 @@ mod tests;
 
 use glam::Vec3;
 
-use self::gather::{Chain, Gather};
+use self::gather::{Chain, Gather, NOTHING};
 use super::decoder::{Activations, Gradient, POINTS_MULTIPLE};
 use super::interpolation::Place;
-use super::{Decoders, RowSource, occupancy};
-use crate::geometry::simd::{InstructionSet, LINE, Lines};
+use super::{Decoders, Row, RowSource, occupancy};
+use crate::geometry::simd::{InstructionSet, LINE, Lines, prefetch};
 use crate::octree::{Found, Lookup, NodeSource};
 
 /// Points that are located, gathered and decoded together.
@@ -86,7 +86,7 @@ pub(crate) fn evaluate_with<S: NodeSource + RowSource>(
     }
 }
 
-struct Reader<'a, S> {
+struct Reader<'a, S: RowSource> {
     set: InstructionSet,
     source: &'a S,
     lookup: Lookup<'a, S>,
@@ -94,15 +94,16 @@ struct Reader<'a, S> {
     want_distance: bool,
     want_gradient: bool,
     want_occupancy: bool,
-    tile: Tile,
+    tile: Tile<'a>,
 }
 
 /// Working space of one tile. Columns up to `occupancies` have one entry a found point.
-struct Tile {
+struct Tile<'a> {
     /// The points that lie in a voxel with rows, as indices into the tile's points.
     found: Vec<u8>,
     voxels: Vec<Found>,
-    rows: Vec<[u32; 8]>,
+    /// Of the corners; asked for when they are entered.
+    rows: Vec<[&'a Row; 8]>,
     places: Vec<Place>,
     /// d_ga, then f.
     distances: Vec<f32>,
@@ -151,7 +152,7 @@ impl Packed {
     }
 }
 
-impl Tile {
+impl Tile<'_> {
     fn new(points: usize) -> Self {
         Self {
             found: Vec::with_capacity(points),
@@ -179,7 +180,6 @@ impl<S: NodeSource + RowSource> Reader<'_, S> {
         tile.sdf.slots.clear();
         tile.occupancy.slots.clear();
         self.set.run(Gather {
-            source: self.source,
             want_gradient: self.want_gradient,
             want_residual: self.want_distance || self.want_gradient,
             want_occupancy: self.want_occupancy,
@@ -208,7 +208,12 @@ impl<S: NodeSource + RowSource> Reader<'_, S> {
                 let voxel = self.lookup.located(*cell, *point);
                 tile.found.push(i as u8);
                 tile.voxels.push(*cell);
-                tile.rows.push(*self.source.corners(cell.node));
+                let mut rows = [&NOTHING; 8];
+                for (row, number) in rows.iter_mut().zip(self.source.corners(cell.node)) {
+                    *row = self.source.row(*number);
+                    prefetch(*row);
+                }
+                tile.rows.push(rows);
                 tile.places.push(Place {
                     offset_m: (*point - voxel.min_m).to_array(),
                     size_m: voxel.size_m,

@@ -3,8 +3,8 @@
 use super::*;
 use crate::geometry::random::{pcg4d, unit};
 use crate::modality::interpolation::by_column;
-use crate::modality::sdf;
 use crate::modality::test_tree::Tree;
+use crate::modality::{Features, sdf};
 
 fn random(stream: u32, i: usize) -> f32 {
     2.0 * unit(pcg4d([21, stream, 0, i as u32])[0]) - 1.0
@@ -26,9 +26,10 @@ fn tree(features: bool) -> Tree {
     let split = |min: Vec3, size: f32| size > 0.4 || min.min_element() < 0.0;
     let mut tree = Tree::new(3, 0.1, split, sphere);
     if features {
-        for row in (0..tree.rows()).step_by(2) {
-            tree.sdf_features[row].0 = std::array::from_fn(|j| 0.3 * random(1, row * 16 + j));
-            tree.occupancy_features[row] = std::array::from_fn(|j| random(2, row * 8 + j));
+        for row in (0..tree.rows.len()).step_by(2) {
+            let sdf = std::array::from_fn(|j| 0.3 * random(1, row * 16 + j));
+            let occupancy = std::array::from_fn(|j| random(2, row * 8 + j));
+            tree.rows[row].features = Features::nearest(&sdf, &occupancy);
         }
     }
     tree
@@ -64,7 +65,7 @@ fn without_features_the_answer_is_exactly_the_prior() {
             let voxel = lookup.located(cell, *point);
             let offset_m = (*point - voxel.min_m).to_array();
             let place = Place { offset_m, size_m: voxel.size_m };
-            let rows = tree.corners(cell.node).map(|row| tree.explicit[row as usize]);
+            let rows = tree.corners(cell.node).map(|row| tree.prior[row as usize]);
             let explicit = by_column(rows.each_ref());
             let (d, g) = place.distance_and_gradient(&place.weights(), &explicit);
             assert!((distance[i] - d).abs() < 1e-6);

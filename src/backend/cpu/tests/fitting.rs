@@ -1,15 +1,24 @@
 //! What training reaches, judged through the read-out.
 
 use super::*;
+use crate::backend::LearnedRow;
+use crate::geometry::simd::Half;
 use crate::modality::read::{Answers, evaluate};
+use crate::modality::{Features, Row};
+
+/// A trained row as a view holds it.
+fn read(prior: &[f32; 4], learned: &LearnedRow) -> Row {
+    Row {
+        explicit: std::array::from_fn(|c| prior[c] + learned.explicit[c]),
+        features: Features::nearest(&learned.sdf_feature, &learned.occupancy_feature),
+    }
+}
 
 /// Mean |f − truth| of the trained field near the box, m.
 fn error_of(tree: &mut Tree, prior: &[[f32; 4]], backend: &mut CpuBackend) -> f64 {
     Backend::<Tree>::read_changed(backend, &mut |row, values| {
         let row = row as usize;
-        tree.explicit[row] = std::array::from_fn(|c| prior[row][c] + values.explicit[c]);
-        tree.sdf_features[row].0 = values.sdf_feature;
-        tree.occupancy_features[row] = values.occupancy_feature;
+        tree.rows[row] = read(&prior[row], values);
     });
     let test = samples_of(box_distance, 4000, 999);
     let mut found = vec![0.0; test.points.len()];
@@ -25,9 +34,9 @@ fn training_beats_the_closed_form_at_a_box_edge() {
     for (profile, stencil) in [(Profile::Lite, Stencil::Forward), (Profile::Full, Stencil::Central)]
     {
         let mut tree = Tree::new(3, 0.1, |_, _| true, box_prior);
-        let prior = tree.explicit.clone();
+        let prior = tree.prior.clone();
         let mut backend = backend(profile, 2);
-        backend.rows.resize(tree.rows());
+        backend.rows.resize(tree.rows.len());
         let before = error_of(&mut tree, &prior, &mut backend);
         let mut errors = Vec::new();
         for round in 0..60 {
@@ -47,9 +56,9 @@ fn training_beats_the_closed_form_at_a_box_edge() {
 fn the_paper_start_learns_a_sphere_from_zero() {
     let sphere = |at: Vec3| at.length() - 0.25;
     let mut tree = Tree::new(3, 0.1, |_, _| true, |_| [0.0; 4]);
-    let prior = tree.explicit.clone();
+    let prior = tree.prior.clone();
     let mut backend = backend(Profile::Lite, 2);
-    backend.rows.resize(tree.rows());
+    backend.rows.resize(tree.rows.len());
     let p = StepParameters { rate: 5e-3, ..parameters(Stencil::Central) };
     for round in 0..150 {
         let host = Host { nodes: &tree, prior: &prior };
@@ -57,9 +66,7 @@ fn the_paper_start_learns_a_sphere_from_zero() {
         assert!(report.losses.total.is_finite());
     }
     Backend::<Tree>::read_changed(&mut backend, &mut |row, values| {
-        tree.explicit[row as usize] = values.explicit;
-        tree.sdf_features[row as usize].0 = values.sdf_feature;
-        tree.occupancy_features[row as usize] = values.occupancy_feature;
+        tree.rows[row as usize] = read(&[0.0; 4], values);
     });
     let test = samples_of(sphere, 2000, 999);
     let count = test.points.len();
@@ -81,11 +88,14 @@ fn the_paper_start_learns_a_sphere_from_zero() {
 fn the_trainer_and_the_read_out_evaluate_the_same_field() {
     let mut tree = mixed_tree(rough_prior);
     for profile in [Profile::Lite, Profile::Full] {
-        let mut backend = rough_backend(profile, 1, tree.rows());
+        let mut backend = rough_backend(profile, 1, tree.rows.len());
         let prior: Vec<[f32; 4]> = tree.positions.iter().map(|at| rough_prior(*at)).collect();
-        for (row, learned) in backend.rows.learned.iter().enumerate() {
-            tree.explicit[row] = std::array::from_fn(|c| prior[row][c] + learned.explicit[c]);
-            tree.sdf_features[row].0 = learned.sdf_feature;
+        for (row, learned) in backend.rows.learned.iter_mut().enumerate() {
+            // Features that a view holds exactly.
+            for x in learned.sdf_feature.iter_mut().chain(&mut learned.occupancy_feature) {
+                *x = Half::nearest(*x).widen();
+            }
+            tree.rows[row] = read(&prior[row], learned);
         }
         let mut batch = rough_batch(100);
         let decoders = Backend::<Tree>::decoders(&backend);

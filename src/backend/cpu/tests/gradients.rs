@@ -47,7 +47,7 @@ fn row_gradients_are_central_differences() {
         let tree = mixed_tree(rough_prior);
         let batch = rough_batch(48);
         let p = parameters(stencil);
-        let mut backend = rough_backend(profile, 1, tree.rows());
+        let mut backend = rough_backend(profile, 1, tree.rows.len());
         loss(&mut backend, &tree, &batch, &p);
         let gradients = backend.rows.gradients(&backend.outputs);
         let mut comparison = Comparison::default();
@@ -93,7 +93,7 @@ fn explicit_gradients_are_central_differences() {
         let tree = mixed_tree(rough_prior);
         let batch = rough_batch(48);
         let p = parameters(stencil);
-        let mut backend = rough_backend(profile, 1, tree.rows());
+        let mut backend = rough_backend(profile, 1, tree.rows.len());
         backend.train_occupancy = false;
         loss(&mut backend, &tree, &batch, &p);
         let gradients = backend.rows.gradients(&backend.outputs);
@@ -123,7 +123,7 @@ fn decoder_gradients_are_central_differences() {
         let tree = mixed_tree(rough_prior);
         let batch = rough_batch(48);
         let p = parameters(stencil);
-        let mut backend = rough_backend(profile, 1, tree.rows());
+        let mut backend = rough_backend(profile, 1, tree.rows.len());
         loss(&mut backend, &tree, &batch, &p);
         for sdf in [true, false] {
             let memory = if sdf { &backend.sdf_memory } else { &backend.occupancy_memory };
@@ -155,7 +155,7 @@ fn confident_occupancy_teaches_the_sign_and_only_when_it_is_switched_on() {
     let mut batch = rough_batch(12);
     batch.eikonal.fill(false);
     let mut backend = backend(Profile::Lite, 1);
-    backend.rows.resize(tree.rows());
+    backend.rows.resize(tree.rows.len());
     // A positive distance under a logit that says occupied with confidence.
     let feature = {
         let decoder = &backend.decoders.occupancy;
@@ -175,7 +175,7 @@ fn confident_occupancy_teaches_the_sign_and_only_when_it_is_switched_on() {
         row.occupancy_feature = feature;
     }
     let mut p = parameters(Stencil::Forward);
-    let host = Host { nodes: &tree, prior: &tree.explicit };
+    let host = Host { nodes: &tree, prior: &tree.prior };
     let on = backend.accumulate(&host, &batch, &p).expect("a valid batch").losses;
     p.weights.consistency = 0.0;
     let off = backend.accumulate(&host, &batch, &p).expect("a valid batch").losses;

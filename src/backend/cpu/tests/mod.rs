@@ -81,7 +81,7 @@ fn rough_prior(at: Vec3) -> [f32; 4] {
 }
 
 fn loss(backend: &mut CpuBackend, tree: &Tree, batch: &Batch, p: &StepParameters) -> f64 {
-    let host = Host { nodes: tree, prior: &tree.explicit };
+    let host = Host { nodes: tree, prior: &tree.prior };
     backend.accumulate(&host, batch, p).expect("a valid batch").losses.total
 }
 

@@ -6,10 +6,10 @@ use super::*;
 fn every_row_follows_adam_with_its_own_step_count() {
     let tree = mixed_tree(rough_prior);
     let p = parameters(Stencil::Forward);
-    let mut backend = rough_backend(Profile::Lite, 2, tree.rows());
-    let host = Host { nodes: &tree, prior: &tree.explicit };
+    let mut backend = rough_backend(Profile::Lite, 2, tree.rows.len());
+    let host = Host { nodes: &tree, prior: &tree.prior };
     type Reference = ([f64; 28], [f64; 28], [u32; 2]);
-    let mut reference: Vec<Reference> = vec![([0.0; 28], [0.0; 28], [0; 2]); tree.rows()];
+    let mut reference: Vec<Reference> = vec![([0.0; 28], [0.0; 28], [0; 2]); tree.rows.len()];
     for round in 0..4 {
         // Every round sees another part of the tree.
         let mut batch = rough_batch(24);
@@ -21,7 +21,7 @@ fn every_row_follows_adam_with_its_own_step_count() {
         let gradients = backend.rows.gradients(&backend.outputs);
         let report = backend.step(&host, &batch, &p).expect("a valid batch");
         assert_eq!(report.rows, gradients.len());
-        let mut touched = vec![false; tree.rows()];
+        let mut touched = vec![false; tree.rows.len()];
         for (row, gradient) in &gradients {
             let row = *row as usize;
             touched[row] = true;
@@ -55,7 +55,7 @@ fn every_row_follows_adam_with_its_own_step_count() {
             assert_eq!(backend.rows.moments[row].sdf_steps, t[0]);
             assert_eq!(backend.rows.moments[row].occupancy_steps, t[1]);
         }
-        for row in (0..tree.rows()).filter(|row| !touched[*row]) {
+        for row in (0..tree.rows.len()).filter(|row| !touched[*row]) {
             assert_eq!(backend.rows.learned[row], before[row], "an untouched row moved");
         }
     }
@@ -70,8 +70,8 @@ fn a_step_has_the_same_bits_on_any_number_of_threads() {
         let tree = mixed_tree(box_prior);
         let run = |threads: usize| {
             let mut backend = backend(profile, threads);
-            backend.rows.resize(tree.rows());
-            let host = Host { nodes: &tree, prior: &tree.explicit };
+            backend.rows.resize(tree.rows.len());
+            let host = Host { nodes: &tree, prior: &tree.prior };
             let mut losses = Vec::new();
             for round in 0..4 {
                 let batch = samples_of(box_distance, 1500, round);
@@ -95,7 +95,7 @@ fn instruction_sets_agree_by_value() {
         let p = parameters(Stencil::Central);
         let mut results = Vec::new();
         for set in InstructionSet::available() {
-            let mut backend = rough_backend(profile, 1, tree.rows());
+            let mut backend = rough_backend(profile, 1, tree.rows.len());
             backend.set = set;
             let total = loss(&mut backend, &tree, &batch, &p);
             results.push((total, backend.rows.gradients(&backend.outputs)));
@@ -119,11 +119,11 @@ fn instruction_sets_agree_by_value() {
 #[test]
 fn a_state_resumes_bit_for_bit() {
     let tree = mixed_tree(box_prior);
-    let host = Host { nodes: &tree, prior: &tree.explicit };
+    let host = Host { nodes: &tree, prior: &tree.prior };
     let p = parameters(Stencil::Forward);
     let batch = |round| samples_of(box_distance, 600, round);
     let mut first = backend(Profile::Lite, 2);
-    first.rows.resize(tree.rows());
+    first.rows.resize(tree.rows.len());
     for round in 0..3 {
         first.step(&host, &batch(round), &p).expect("a valid batch");
     }
@@ -145,9 +145,9 @@ fn a_state_resumes_bit_for_bit() {
 #[test]
 fn changed_rows_are_read_once_and_reset_rows_are_zero() {
     let tree = mixed_tree(box_prior);
-    let host = Host { nodes: &tree, prior: &tree.explicit };
+    let host = Host { nodes: &tree, prior: &tree.prior };
     let mut backend = backend(Profile::Lite, 1);
-    backend.rows.resize(tree.rows());
+    backend.rows.resize(tree.rows.len());
     let batch = samples_of(box_distance, 300, 0);
     let report = backend.step(&host, &batch, &parameters(Stencil::Forward)).expect("valid");
     let read = |backend: &mut CpuBackend| {
@@ -162,7 +162,7 @@ fn changed_rows_are_read_once_and_reset_rows_are_zero() {
     let some: Vec<u32> = rows.iter().take(5).map(|(row, _)| *row).collect();
     Backend::<Tree>::reset(&mut backend, &some);
     // Growth keeps what is there.
-    Backend::<Tree>::resize(&mut backend, tree.rows() * 2);
+    Backend::<Tree>::resize(&mut backend, tree.rows.len() * 2);
     let after = read(&mut backend);
     assert_eq!(after.iter().map(|(row, _)| *row).collect::<Vec<_>>(), some);
     assert!(after.iter().all(|(_, values)| *values == LearnedRow::default()));
@@ -174,7 +174,7 @@ fn changed_rows_are_read_once_and_reset_rows_are_zero() {
 #[test]
 fn samples_outside_or_without_a_label_are_left_out() {
     let tree = mixed_tree(box_prior);
-    let host = Host { nodes: &tree, prior: &tree.explicit };
+    let host = Host { nodes: &tree, prior: &tree.prior };
     let mut backend = backend(Profile::Lite, 1);
     let mut batch = samples_of(box_distance, 10, 0);
     // The first sample's stencil leaves the tree; the others lack something altogether.
@@ -187,7 +187,7 @@ fn samples_outside_or_without_a_label_are_left_out() {
     let p = parameters(Stencil::Central);
     // Without rows nothing can be located.
     assert_eq!(backend.step(&host, &batch, &p).expect("valid").samples, 0);
-    backend.rows.resize(tree.rows());
+    backend.rows.resize(tree.rows.len());
     assert_eq!(backend.step(&host, &batch, &p).expect("valid").samples, 6);
     assert!(!backend.plan.sites[0].eikonal && backend.plan.sites[0].centre.is_some());
     assert!(backend.rows.learned.iter().all(|row| row.explicit.iter().all(|x| x.is_finite())));
@@ -195,6 +195,6 @@ fn samples_outside_or_without_a_label_are_left_out() {
     batch.kinds.pop();
     assert!(backend.step(&host, &batch, &p).is_err(), "columns of different lengths");
     batch.kinds.push(SampleKind::Free);
-    let short = Host { nodes: &tree, prior: &tree.explicit[1..] };
+    let short = Host { nodes: &tree, prior: &tree.prior[1..] };
     assert!(backend.step(&short, &batch, &p).is_err(), "fewer priors than rows");
 }

@@ -1,0 +1,89 @@
+//! From the mapper's state to a view: what has changed is written into pages that views share.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::mapper::Mapper;
+use super::view::{BRICKS, MapView, NODES, Node, ROWS};
+use crate::config::Prior;
+use crate::geometry::Aabb;
+use crate::modality::{Features, Row};
+use crate::octree::{Explicit, NO_NODE, NO_ROW, NodeSource};
+
+impl Mapper {
+    /// Publishes everything so far as an immutable view, of a new epoch if anything has changed.
+    pub fn publish(&mut self) -> Arc<MapView> {
+        let start = Instant::now();
+        self.stats.epoch += u64::from(std::mem::take(&mut self.changed));
+        self.write_nodes();
+        self.write_rows();
+        self.store.bricks.grow(self.surface.evidence.bricks().div_ceil(BRICKS));
+        for brick in std::mem::take(&mut self.changed_bricks) {
+            let page = self.store.bricks.write(brick as usize / BRICKS);
+            page.known[brick as usize % BRICKS] = *self.surface.evidence.known(brick);
+        }
+        self.stage("publish", start);
+        self.schedule.learn_publish(start.elapsed());
+        Arc::new(MapView {
+            epoch: self.stats.epoch,
+            newest_stamp_ns: self.newest_stamp_ns,
+            config: self.config.clone(),
+            decoders: self.backend.decoders(),
+            store: self.store.clone(),
+        })
+    }
+
+    /// Brings the view's rows up to date: prior plus what the backend learned.
+    fn write_rows(&mut self) {
+        let rows = self.topology.rows();
+        self.store.rows.grow(rows.div_ceil(ROWS));
+        self.learned.resize(rows, [0.0; 4]);
+        let closed = self.config.prior == Prior::Closed;
+        let prior = if closed { self.surface.prior.values() } else { &self.no_prior[..] };
+        let (pages, learned) = (&mut self.store.rows, &mut self.learned);
+        let explicit = |row: u32, learned: &Explicit| {
+            std::array::from_fn(|i| prior[row as usize][i] + learned[i])
+        };
+        self.backend.read_changed(&mut |row, values| {
+            pages.write(row as usize / ROWS).rows[row as usize % ROWS] = Row {
+                explicit: explicit(row, &values.explicit),
+                features: Features::nearest(&values.sdf_feature, &values.occupancy_feature),
+            };
+            learned[row as usize] = values.explicit;
+        });
+        for row in std::mem::take(&mut self.changed_rows) {
+            let page = pages.write(row as usize / ROWS);
+            page.rows[row as usize % ROWS].explicit = explicit(row, &learned[row as usize]);
+        }
+    }
+
+    fn write_nodes(&mut self) {
+        let mut nodes = self.topology.take_changed_nodes();
+        nodes.sort_unstable();
+        nodes.dedup();
+        self.store.root = self.topology.root();
+        self.store.node_slots = self.topology.node_slots();
+        self.store.nodes.grow(self.topology.node_slots().div_ceil(NODES));
+        let mut bounds = self.store.bounds.unwrap_or(Aabb::EMPTY);
+        for node in nodes {
+            let page = self.store.nodes.write(node as usize / NODES);
+            let i = node as usize % NODES;
+            page.children[i] = self.topology.children(node);
+            let low = self.topology.min_m(node);
+            let brick = self.surface.evidence.find(low + 0.5 * self.topology.size_m(node));
+            let corners = *self.topology.corners(node);
+            let carries = corners[0] != NO_ROW;
+            page.nodes[i] = Node {
+                corners,
+                brick: brick.filter(|_| carries).map_or(NO_NODE, |b| b.brick),
+                low: self.topology.low_corner(node),
+                log2_size: self.topology.log2_size(node),
+            };
+            if carries {
+                bounds.extend(low);
+                bounds.extend(low + self.topology.size_m(node));
+            }
+        }
+        self.store.bounds = (!bounds.is_empty()).then_some(bounds);
+    }
+}
