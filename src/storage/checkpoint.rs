@@ -119,10 +119,10 @@ struct Tree {
 
 #[derive(Serialize, Deserialize)]
 struct KeyRecord {
-    newest: Option<u32>,
+    next: u32,
     idle_cursor: u32,
     selections: u32,
-    frames: Vec<Option<FrameRecord>>,
+    frames: Vec<FrameRecord>,
 }
 
 /// Columns of a learned row on disk.
@@ -185,7 +185,7 @@ fn save_checkpoint(mapper: &Mapper, path: &Path) -> Result<()> {
     put_surface(&mut out, surface)?;
     out.put_record(ROBOTS, &state.robots)?;
     let record = KeyRecord {
-        newest: keys.newest,
+        next: keys.next,
         idle_cursor: keys.idle_cursor,
         selections: keys.selections,
         frames: keys.frames.clone(),
@@ -242,7 +242,7 @@ fn take_mapper(config: MapConfig, from: &mut Sections<'_>) -> Result<Mapper> {
     let robots = if has_robots { from.take_record(ROBOTS)? } else { Robots::default() };
     let record: KeyRecord = from.take_record(KEY_FRAMES)?;
     let key_frames = KeyFramesState {
-        newest: record.newest,
+        next: record.next,
         idle_cursor: record.idle_cursor,
         selections: record.selections,
         frames: record.frames,

@@ -2,10 +2,12 @@
 
 mod batch;
 mod key_frame;
+mod key_frames;
 mod rays;
 mod schedule;
 
 pub use batch::{Batch, SampleKind};
-pub use key_frame::{FrameRecord, KeyFrame, KeyFrames, KeyFramesState, Pixel};
+pub use key_frame::{KeyFrame, Pixel};
+pub use key_frames::{FrameRecord, KeyFrames, KeyFramesState};
 pub use rays::{RayPlan, sample};
 pub use schedule::{Pace, Schedule};
