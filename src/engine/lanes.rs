@@ -351,6 +351,7 @@ mod tests {
         }
         assert_eq!(lanes.pop().expect("the first").frame.seq, 5);
         assert_eq!(gauge.credit(), 1, "it sees the room");
+        told(&news);
         lanes.forget_order();
         assert!(lanes.push(job(&news, "a", 5), QueuePolicy::Latest).is_none());
         assert_eq!(told(&news), [note(5, "waits 1/1")]);

@@ -239,7 +239,7 @@ mod tests {
     use crate::config::{MapConfig, MapSettings};
     use crate::dataset::Dataset;
     use crate::dataset::synthetic::Synthetic;
-    use crate::engine::{FrameSink, Queue, Session};
+    use crate::engine::{FrameSink, Queue, QueuePolicy, Session};
 
     struct Nobody;
 
@@ -289,6 +289,52 @@ mod tests {
             Job { frame, ticket, session: Session::default(), arrived: Instant::now() },
             0,
         );
+    }
+
+    /// Writes down what became of its frame.
+    #[derive(Clone, Default)]
+    struct Told(Arc<std::sync::Mutex<Vec<String>>>);
+
+    impl FrameSink for Told {
+        fn accepted(&mut self, _queue: Queue) {}
+
+        fn settle(self: Box<Self>, verdict: Verdict) {
+            self.0.lock().expect("not poisoned").push(format!("{verdict:?}"));
+        }
+    }
+
+    #[tokio::test]
+    async fn a_reset_publishes_what_is_in_and_drops_what_waits() {
+        let mut owner = owner();
+        owner.settings.publish_interval = Duration::from_secs(9);
+        let (handle, told) = (Handle(owner.shared.clone()), Told::default());
+        let room = Synthetic::room(100).with_width(64);
+        for index in 0..2 {
+            let frame = room.load(index, false).expect("a frame");
+            let sink = Box::new(told.clone());
+            handle.submit(handle.session(), frame, QueuePolicy::Latest, sink).await;
+        }
+        let Event::Frame(job, behind) = owner.shared.next(None) else { panic!("a frame waits") };
+        owner.integrate(*job, behind);
+        let wishes = [0, 1].map(|_| {
+            let handle = handle.clone();
+            tokio::spawn(async move { handle.reset().await })
+        });
+        tokio::task::yield_now().await;
+        let Event::Reset(waiting) = owner.shared.next(None) else { panic!("a reset first") };
+        owner.reset(waiting).expect("an empty map");
+        for wish in wishes {
+            let emptied = wish.await.expect("no panic").expect("done");
+            assert_eq!(emptied, Emptied { epoch: 2, frames_dropped: 1 }, "one reset for both");
+        }
+        let told = told.0.lock().expect("not poisoned").clone();
+        assert_eq!(told, ["Integrated { epoch: 1 }", "Dropped(Reset)"]);
+        let now = published(&owner);
+        assert_eq!((now.view.epoch(), now.stats.frames, now.framed_at), (2, 0, None));
+        assert_eq!(owner.patience(Instant::now()), None, "nothing is left to refine");
+
+        handle.stop();
+        assert!(handle.reset().await.is_err(), "not while stopping");
     }
 
     #[test]
