@@ -8,14 +8,16 @@ use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use glam::Vec3;
+use serde::de::{Deserializer, Error as _};
 use serde::{Deserialize, Serialize};
+use serde_json::Number;
 use utoipa::ToSchema;
 
 use super::body::{Parts, Received, Share, receive};
 use super::limits::RAW_POINT_BYTES;
 use super::media::Media;
 use super::openapi::{self, PointRefusals};
-use super::options::{Field, Options, Policy};
+use super::options::{Field, MAX_INTEGER, Options, Policy};
 use super::refusal::Refusal;
 use super::{Edge, JSON, MapId, schemas};
 use crate::error::Error;
@@ -38,8 +40,10 @@ pub(super) struct PointsRequest {
     frame_id: Option<String>,
     /// The columns to answer; none means all of them.
     fields: Option<Vec<Field>>,
+    #[serde(default, deserialize_with = "whole")]
     #[schema(schema_with = schemas::body::min_epoch)]
     min_epoch: Option<u64>,
+    #[serde(default, deserialize_with = "whole")]
     #[schema(schema_with = schemas::body::max_age)]
     max_age_ms: Option<u64>,
     /// What stands in the columns of numbers where a point is unknown.
@@ -156,6 +160,16 @@ fn parse(body: &[u8]) -> Result<PointsRequest, Refusal> {
     })
 }
 
+/// A whole number, or null. JSON knows one kind of number: 7.0 is 7.
+fn whole<'de, D: Deserializer<'de>>(json: D) -> Result<Option<u64>, D::Error> {
+    let Some(number) = Option::<Number>::deserialize(json)? else { return Ok(None) };
+    let range = 0.0..=MAX_INTEGER as f64;
+    let is_whole = |n: &f64| n.fract() == 0.0 && range.contains(n);
+    let whole = number.as_u64().or_else(|| number.as_f64().filter(is_whole).map(|n| n as u64));
+    let problem = format_args!("{number} must be whole and within 0..={MAX_INTEGER}");
+    whole.map(Some).ok_or_else(|| D::Error::custom(problem))
+}
+
 /// A path as the other transports name it: the third number of a point is its z.
 fn field_of(path: &str) -> String {
     let axis = |rest: &str| match rest {
@@ -266,5 +280,8 @@ mod tests {
         }
         let good = r#"{"points_m":[[1,2.5,-3e-1]],"fields":null,"unknown_policy":"free"}"#;
         assert_eq!(parse(good.as_bytes()).expect(good).points_m, [Vec3::new(1.0, 2.5, -0.3)]);
+        let whole = r#"{"points_m":[],"min_epoch":7.0,"max_age_ms":null}"#;
+        let request = parse(whole.as_bytes()).expect(whole);
+        assert_eq!((request.min_epoch, request.max_age_ms), (Some(7), None));
     }
 }

@@ -49,7 +49,7 @@ pub(super) fn points() -> Schema {
     points.description(Some("[x, y, z] of each point, world metres.")).into()
 }
 
-/// One of these a point, or three; null where unknown.
+/// The columns of an answer.
 pub(super) fn distances() -> Schema {
     let text = "Signed distance to the nearest surface, m: positive outside, negative inside; null \
                 where unknown.";
