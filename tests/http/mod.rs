@@ -89,7 +89,7 @@ async fn post_json(at: &str, path: &str, body: &Value) -> Reply {
 }
 
 /// The number on a line of the metrics.
-async fn metric(at: &str, sample: &str) -> f64 {
+pub(crate) async fn metric(at: &str, sample: &str) -> f64 {
     let page = String::from_utf8(get(at, "/metrics").await.body).unwrap();
     let value = page.lines().find_map(|line| line.strip_prefix(sample)?.strip_prefix(' '));
     value.map_or(0.0, |value| value.parse().unwrap())

@@ -6,8 +6,8 @@ use tonic_prost::prost::Message;
 use tonic_prost::prost::bytes::Bytes;
 
 use super::super::{good_frame, start};
-use super::well;
 use super::wire::{begin, envelope, question, sent};
+use super::{ended, well};
 
 const POINTS: &str = "/orenx.v1.Query/QueryPoints";
 const QUESTIONS: &str = "/orenx.v1.Query/StreamQuery";
@@ -88,6 +88,7 @@ async fn each_has_its_status_and_the_server_stays_well() {
     let server = start(|_| {}).await;
     for case in no_messages().into_iter().chain(no_calls()) {
         for path in case.paths {
+            let before = ended(&server, path, case.code).await;
             let mut call = begin(&server.url, path, case.timeout, 65_535).await;
             // Fails if the server has refused it already.
             let _ = call.request.send_data(case.body.clone(), !case.is_open);
@@ -96,6 +97,8 @@ async fn each_has_its_status_and_the_server_stays_well() {
             for word in case.words {
                 assert!(message.contains(word), "{} to {path}: {word} in '{message}'", case.what);
             }
+            let after = ended(&server, path, case.code).await;
+            assert_eq!(after, before + 1.0, "{} to {path} is counted", case.what);
             assert_eq!(well(&server).await.received, 0, "{} to {path} is no frame", case.what);
         }
     }

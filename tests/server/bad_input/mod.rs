@@ -11,7 +11,10 @@ use glam::Vec3;
 use orenx::map::Fields;
 use orenx::service::{DEFAULT_MAP, FrameCounts};
 
+use tonic::Code;
+
 use super::Running;
+use crate::http::metric;
 
 /// The server answers a question, and says what became of the frames so far.
 async fn well(server: &Running) -> FrameCounts {
@@ -19,4 +22,20 @@ async fn well(server: &Running) -> FrameCounts {
     let reply = server.client.query_points(DEFAULT_MAP, &points, Fields::ALL, 0).await.unwrap();
     assert_eq!(reply.answers.state.len(), points.len());
     server.client.map_stats(DEFAULT_MAP).await.unwrap().counts
+}
+
+/// How many calls of `path` ended with `code`.
+async fn ended(server: &Running, path: &str, code: Code) -> f64 {
+    let rpc =
+        if path.contains("Render") || path.contains("QueryText") { "other" } else { &path[1..] };
+    // As in `InvalidArgument`, but written as everywhere else.
+    let mut name = String::new();
+    for letter in format!("{code:?}").chars() {
+        if letter.is_uppercase() && !name.is_empty() {
+            name.push('_');
+        }
+        name.push(letter.to_ascii_uppercase());
+    }
+    let sample = format!("orenx_grpc_requests_total{{rpc=\"{rpc}\",code=\"{name}\"}}");
+    metric(&server.http, &sample).await
 }

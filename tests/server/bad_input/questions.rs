@@ -9,7 +9,9 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::Code;
 
 use super::super::start;
-use super::well;
+use super::{ended, well};
+
+const PATH: &str = "/orenx.v1.Query/QueryPoints";
 
 /// What is wrong with a question, the code of its refusal, the field, and what is said.
 type Fault = (fn(&mut v1::QueryPointsRequest), Code, &'static str, &'static [&'static str]);
@@ -72,7 +74,9 @@ async fn each_is_refused_by_name_alone_and_in_a_stream() {
     for (id, (spoil, code, field, words)) in (1..).zip(FAULTS) {
         let mut question = good();
         spoil(&mut question);
+        let before = ended(&server, PATH, *code).await;
         let status = client.query_points(question.clone()).await.expect_err(words[0]);
+        assert_eq!(ended(&server, PATH, *code).await, before + 1.0, "{field}");
         assert_eq!(status.code(), *code, "{}", status.message());
         assert!(status.message().starts_with(field), "{field}: {}", status.message());
         for word in *words {
