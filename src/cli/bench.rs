@@ -13,6 +13,7 @@ mod mapping;
 mod printer;
 mod query;
 mod recording;
+mod serve;
 
 use std::io::{Write, stdout};
 
@@ -36,6 +37,7 @@ enum Bench {
     Map(mapping::MappingArgs),
     Corridor(corridor::CorridorArgs),
     Query(query::QueryBenchArgs),
+    Serve(serve::ServeBenchArgs),
     Ablation(ablation::AblationArgs),
 }
 
@@ -54,6 +56,7 @@ impl Bench {
             Self::Map(_) => "map",
             Self::Corridor(_) => "corridor",
             Self::Query(_) => "query",
+            Self::Serve(_) => "serve",
             Self::Ablation(_) => "ablation",
         }
     }
@@ -64,6 +67,7 @@ impl Bench {
             Self::Map(arguments) => arguments.run(out),
             Self::Corridor(arguments) => arguments.run(out),
             Self::Query(arguments) => arguments.run(out),
+            Self::Serve(arguments) => arguments.run(out),
             Self::Ablation(arguments) => arguments.run(out),
         }
     }
@@ -146,7 +150,7 @@ mod tests {
         list(&mut text, false).expect("listed");
         let text = String::from_utf8(text).expect("text");
         let names: Vec<&str> = text.lines().filter_map(|l| l.split_whitespace().next()).collect();
-        assert_eq!(names, ["geometry", "map", "corridor", "query", "ablation"]);
+        assert_eq!(names, ["geometry", "map", "corridor", "query", "serve", "ablation"]);
         assert!(text.lines().all(|line| line.len() > 30), "each with what it measures: {text}");
     }
 

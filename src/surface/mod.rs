@@ -10,6 +10,8 @@ mod prior;
 mod sight;
 mod split;
 mod surfel;
+#[cfg(test)]
+mod test_frame;
 
 pub use evidence::{BRICK_CELLS, Carved, CellAddress, Evidence, EvidenceState, Known};
 pub use fusion::{Lattice, NEAR_M, Surface, SurfaceChange, SurfaceState};

@@ -3,6 +3,9 @@
 //! On a plane the inverse depth is linear in the pixel, so that a least-squares fit of 1/z over a
 //! window gives point and normal at once, and averages the noise. The window grows with the noise.
 
+#[cfg(test)]
+mod tests;
+
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
@@ -38,9 +41,16 @@ struct Window {
     step: usize,
 }
 
-/// Narrow first; about half a degree, one and two degrees for a focal length of 500 pixels.
-const WINDOWS: [Window; 3] =
-    [Window { reach: 4, step: 2 }, Window { reach: 8, step: 2 }, Window { reach: 16, step: 4 }];
+/// Narrow first; a quarter of a degree to two degrees for a focal length of 500 pixels.
+const WINDOWS: [Window; 4] = [
+    Window { reach: 2, step: 1 },
+    Window { reach: 4, step: 2 },
+    Window { reach: 8, step: 2 },
+    Window { reach: 16, step: 4 },
+];
+/// A window reaches at least this far, radians: fine images are averaged over what coarse ones see
+/// in one pixel.
+const MIN_REACH: f32 = 0.006;
 
 /// Oriented points of every `stride`-th pixel in u and v, in row-major order. Pixels at depth
 /// edges are left out, since their neighbours lie on different surfaces.
@@ -80,8 +90,11 @@ fn oriented_point(frame: &Frame, noise: &DepthNoise, u: u32, v: u32) -> Option<O
     }
     let sigma = noise.sigma_m(z);
     let metres_per_pixel = z / k.fx as f32;
-    let wide_enough = |w: &&Window| sigma <= MAX_TILT * w.reach as f32 * metres_per_pixel;
-    let window = WINDOWS.iter().find(wide_enough).unwrap_or(&WINDOWS[2]);
+    let wide_enough = |w: &&Window| {
+        let reach = w.reach as f32;
+        sigma <= MAX_TILT * reach * metres_per_pixel && reach >= MIN_REACH * k.fx as f32
+    };
+    let window = WINDOWS.iter().find(wide_enough).unwrap_or(&WINDOWS[3]);
     let plane = Plane::fit(frame, u as i32, v as i32, *window, sigma)?;
     let [a, b, c] = plane.coefficients;
     let (du, dv) = (u as f32 - k.cx as f32, v as f32 - k.cy as f32);

@@ -1,5 +1,8 @@
 //! What a depth frame says about a place: seen through, behind something, or nothing.
 
+#[cfg(test)]
+mod tests;
+
 use glam::{Mat3, Vec3};
 
 use super::noise::DepthNoise;

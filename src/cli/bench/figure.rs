@@ -22,6 +22,8 @@ pub(super) enum Unit {
     /// A ratio of two values.
     #[serde(rename = "times")]
     Times,
+    #[serde(rename = "bytes")]
+    Bytes,
     #[serde(rename = "count")]
     Count,
 }
@@ -41,6 +43,7 @@ impl Unit {
             Self::FramesPerSecond => format!("{value:.1} frames/s"),
             Self::PointsPerSecond => format!("{:.2} M points/s", value * 1e-6),
             Self::Times => format!("{value:.2} times"),
+            Self::Bytes => format!("{:.1} MB", value * 1e-6),
             Self::Count => format!("{value:.0}"),
         }
     }
@@ -130,6 +133,14 @@ pub(super) fn median(values: &[f64]) -> f64 {
     }
 }
 
+/// The value below which a share of the others lies; NaN of none.
+pub(super) fn percentile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let index = (share * sorted.len() as f64).ceil().max(1.0) as usize - 1;
+    sorted.get(index).copied().unwrap_or(f64::NAN)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -156,5 +167,13 @@ mod tests {
         assert_eq!(median(&[3.0, 1.0, 2.0]), 2.0);
         assert_eq!(median(&[4.0, 1.0, 2.0, 3.0]), 2.5);
         assert!(median(&[]).is_nan());
+    }
+
+    #[test]
+    fn percentiles_are_values_that_were_measured() {
+        let values: Vec<f64> = (1..=100).rev().map(f64::from).collect();
+        assert_eq!([0.0, 0.5, 0.99, 1.0].map(|p| percentile(&values, p)), [1.0, 50.0, 99.0, 100.0]);
+        assert_eq!(percentile(&[7.0], 0.99), 7.0);
+        assert!(percentile(&[], 0.5).is_nan());
     }
 }

@@ -1,0 +1,120 @@
+//! The robot that streams, the places that are asked about, and what became of the frames.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use glam::Vec3;
+use tokio::task::JoinHandle;
+
+use super::super::figure::{Figure, Unit, percentile};
+use super::{NO_FRAME, VISIBLE_MS, WINDOW};
+use crate::client::{Client, Pace, StreamReport, load_ahead, send};
+use crate::dataset::Dataset;
+use crate::engine::QueuePolicy;
+use crate::error::{Error, Result};
+use crate::geometry::random::{pcg4d, unit};
+use crate::map::Fields;
+use crate::service::DEFAULT_MAP;
+
+/// A recording that is sent in a loop, at a camera's pace, until it is told to finish.
+pub(super) struct Robot {
+    stop: Arc<AtomicBool>,
+    sending: JoinHandle<Result<StreamReport>>,
+}
+
+impl Robot {
+    /// `laps`: how often it goes round; `None` until [`Self::finish`].
+    pub(super) fn start(
+        client: &Client,
+        data: Arc<dyn Dataset>,
+        indices: Vec<usize>,
+        rate_hz: f64,
+        laps: Option<usize>,
+    ) -> Result<Self> {
+        let pace = Pace {
+            map_id: DEFAULT_MAP.into(),
+            policy: if laps.is_some() { QueuePolicy::Block } else { QueuePolicy::Latest },
+            rate_hz: Some(rate_hz),
+            window: WINDOW,
+        };
+        let stop = Arc::new(AtomicBool::new(false));
+        let frames = laps.map_or(usize::MAX, |laps| laps * indices.len());
+        let goes_on = {
+            let stop = stop.clone();
+            move |_: &usize| !stop.load(Relaxed)
+        };
+        let loop_of_frames = indices.into_iter().cycle().take(frames).take_while(goes_on);
+        let start_ns = now_ns();
+        // A robot of its own each time: its count of frames starts anew.
+        let robot_id: Arc<str> = format!("bench-{start_ns}").into();
+        let mut seq = 0;
+        let source = load_ahead(data, loop_of_frames, move |frame| {
+            seq += 1;
+            frame.robot_id.clone_from(&robot_id);
+            frame.seq = seq;
+            frame.stamp_ns = now_ns();
+        })?;
+        let client = client.clone();
+        let sending = tokio::spawn(async move { send(&client, pace, source, |_| {}).await });
+        Ok(Self { stop, sending })
+    }
+
+    /// Stops it and lets the frames under way arrive.
+    pub(super) async fn finish(self) -> Result<StreamReport> {
+        self.stop.store(true, Relaxed);
+        self.arrive().await
+    }
+
+    /// Waits for its last lap.
+    pub(super) async fn arrive(self) -> Result<StreamReport> {
+        self.sending.await.map_err(|e| Error::Internal(format!("the robot failed: {e}")))?
+    }
+}
+
+fn now_ns() -> i64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since.as_nanos()).unwrap_or(i64::MAX)
+}
+
+/// `count` places all over the map that it knows, in no order: unknown ones would be cheaper.
+pub(super) async fn known_points(client: &Client, count: usize) -> Result<Vec<Vec3>> {
+    let maps = client.list_maps().await?;
+    let bounds = maps.first().map(|map| map.bounds).filter(|bounds| !bounds.is_empty());
+    let bounds = bounds.ok_or_else(|| Error::FailedPrecondition("the map is empty".into()))?;
+    let mut known = Vec::with_capacity(count);
+    // Rooms fill some per cent of their bounds at least.
+    for round in 0..64 {
+        let place = |i| {
+            let [x, y, z, _] = pcg4d([i, round, 0, 3]);
+            bounds.min + (bounds.max - bounds.min) * Vec3::new(unit(x), unit(y), unit(z))
+        };
+        let asked: Vec<Vec3> = (0..count as u32).map(place).collect();
+        let reply = client.query_points(DEFAULT_MAP, &asked, Fields::DISTANCE, 0).await?;
+        let answered = asked.into_iter().zip(reply.answers.distance);
+        known.extend(answered.filter(|(_, d)| d.is_finite()).map(|(point, _)| point));
+        if known.len() >= count {
+            known.truncate(count);
+            return Ok(known);
+        }
+    }
+    Err(Error::FailedPrecondition(format!("the map knows too little to ask {count} points")))
+}
+
+/// Frames that were lost, and how soon the others could be asked about.
+pub(super) fn frame_figures(case: &str, report: &StreamReport) -> [Figure; 3] {
+    let ms: Vec<f64> = report.visible_after_us.iter().map(|us| *us as f64 * 1e-3).collect();
+    let at = |share| percentile(&ms, share);
+    let p95 = Figure::new(case, "visible_p95", at(0.95), Unit::Milliseconds);
+    [
+        dropped(case, report).against(Some(NO_FRAME)),
+        Figure::new(case, "visible_median", at(0.5), Unit::Milliseconds),
+        p95.against(Some(VISIBLE_MS)),
+    ]
+}
+
+/// Frames that did not become part of the map.
+pub(super) fn dropped(case: &str, report: &StreamReport) -> Figure {
+    let lost = report.settled - report.integrated;
+    Figure::new(case, format!("frames_lost_of_{}", report.settled), lost as f64, Unit::Count)
+}
