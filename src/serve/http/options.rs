@@ -5,10 +5,9 @@ use std::time::Duration;
 use glam::Vec3;
 use percent_encoding::percent_decode_str;
 use serde::Deserialize;
-use utoipa::{IntoParams, ToSchema};
+use utoipa::ToSchema;
 
 use super::refusal::Refusal;
-use super::schemas;
 use crate::error::Error;
 use crate::map::Fields;
 use crate::service::{
@@ -36,22 +35,14 @@ pub(super) enum Policy {
 }
 
 /// The options in a query string; the body's own go before them.
-#[derive(Debug, Clone, Default, PartialEq, IntoParams)]
-#[into_params(parameter_in = Query)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Options {
-    #[param(schema_with = schemas::text::frame_id)]
     pub(super) frame_id: Option<String>,
-    /// The columns to answer, with commas between them; none means all of them.
-    #[param(style = Form, explode = false)]
+    /// None means all of them; in a query string with commas between them.
     pub(super) fields: Option<Vec<Field>>,
-    #[param(schema_with = schemas::text::min_epoch)]
     pub(super) min_epoch: Option<u64>,
-    #[param(schema_with = schemas::text::max_age)]
     pub(super) max_age_ms: Option<u64>,
-    /// What stands in the columns of numbers where a point is unknown.
-    #[param(inline)]
     pub(super) unknown_policy: Option<Policy>,
-    #[param(schema_with = schemas::text::unknown_distance)]
     pub(super) unknown_distance_m: Option<f32>,
 }
 

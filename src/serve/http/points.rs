@@ -36,19 +36,19 @@ const JSON_ANSWER_BYTES: usize = 64;
 pub(super) struct PointsRequest {
     #[schema(schema_with = schemas::points)]
     points_m: Vec<Vec3>,
-    #[schema(schema_with = schemas::body::frame_id)]
+    #[schema(schema_with = schemas::frame_id)]
     frame_id: Option<String>,
     /// The columns to answer; none means all of them.
     fields: Option<Vec<Field>>,
     #[serde(default, deserialize_with = "whole")]
-    #[schema(schema_with = schemas::body::min_epoch)]
+    #[schema(schema_with = schemas::min_epoch)]
     min_epoch: Option<u64>,
     #[serde(default, deserialize_with = "whole")]
-    #[schema(schema_with = schemas::body::max_age)]
+    #[schema(schema_with = schemas::max_age)]
     max_age_ms: Option<u64>,
     /// What stands in the columns of numbers where a point is unknown.
     unknown_policy: Option<Policy>,
-    #[schema(schema_with = schemas::body::unknown_distance)]
+    #[schema(schema_with = schemas::unknown_distance)]
     unknown_distance_m: Option<f32>,
 }
 
@@ -78,14 +78,14 @@ pub(super) struct PointsAnswer {
 
 /// Distance, gradient, occupancy and state at points
 ///
-/// One answer comes from one epoch. A body of `application/octet-stream` holds x y z of each point as
-/// little-endian f32; the options then stand in the query string. The answer has the form that
-/// `accept` prefers: JSON, or the columns as little-endian numbers back to back, with their names,
-/// types, widths and offsets in the header `orenx-columns`.
+/// One answer comes from one epoch. It has the form that `accept` prefers: JSON, or the columns as
+/// little-endian numbers back to back, with their names, types, widths and offsets in the header
+/// `orenx-columns`. A question may be raw too: a body of `application/octet-stream` with x y z of
+/// each point as little-endian f32, finite and whole, and the options in the query string, under the
+/// names that they have in JSON (`?fields=distance,state&min_epoch=4`).
 #[utoipa::path(post, path = "/v1/maps/{map}/query/points", tag = "query",
-    params(openapi::MapPath, openapi::Timeout, Options),
-    request_body(content((PointsRequest = "application/json"),
-        (openapi::Raw = "application/octet-stream"))),
+    params(openapi::MapPath),
+    request_body = PointsRequest,
     responses((status = 200, description = "The answers.",
         content((PointsAnswer = "application/json"), (openapi::Raw = "application/octet-stream")),
         headers(
