@@ -26,7 +26,10 @@ use crate::telemetry::Distribution;
 pub use counters::FrameCounts;
 use counters::{Counted, Counters};
 pub use maps::{MapDetail, MapReport, MapSummary};
-pub use question::{MAP_FRAME, PointsQuestion, PointsReply, Unknown, UnknownPolicy, points_of};
+pub use question::{
+    MAP_FRAME, PointsQuestion, PointsReply, Unknown, UnknownPolicy, check_frame_id,
+    check_unknown_distance, points_of,
+};
 use readers::Readers;
 use times::Times;
 pub use times::{Call, CallTimes};

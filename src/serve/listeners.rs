@@ -8,7 +8,7 @@ use super::http::Door;
 use crate::config::ServerConfig;
 use crate::error::{Error, Result};
 
-/// The ports, open. gRPC waits for [`super::run`]; HTTP answers probes from the start, and everything
+/// The ports, open. gRPC waits for [`super::run()`]; HTTP answers probes from the start, and everything
 /// else with 503 until then.
 pub struct Listeners {
     pub(super) grpc: TcpListener,

@@ -72,6 +72,25 @@ pub fn points_of(numbers: &[f32]) -> Result<Vec<Vec3>> {
     Ok(bytemuck::cast_slice(numbers).to_vec())
 }
 
+/// Refuses a frame of reference other than the map's.
+pub fn check_frame_id(frame_id: &str) -> Result<()> {
+    if matches!(frame_id, "" | MAP_FRAME) {
+        return Ok(());
+    }
+    let id: String = frame_id.chars().take(64).collect();
+    let problem = format!("'{id}' is not known here; points are in '{MAP_FRAME}'");
+    Err(Error::invalid("frame_id", problem))
+}
+
+/// Refuses a distance of unknown points that is none.
+pub fn check_unknown_distance(distance_m: f32) -> Result<()> {
+    if distance_m > 0.0 && f64::from(distance_m) <= MAX_COORDINATE_M {
+        return Ok(());
+    }
+    let problem = format!("{distance_m} must be within (0, {MAX_COORDINATE_M}] m");
+    Err(Error::invalid("unknown_distance_m", problem))
+}
+
 impl PointsQuestion {
     /// Every column at `points` of the default map, whatever its age.
     pub fn new(points: Vec<Vec3>) -> Self {
@@ -88,13 +107,7 @@ impl PointsQuestion {
 
     /// Refuses what no map could answer.
     pub(super) fn check(&self, max_points: usize) -> Result<()> {
-        if !matches!(self.frame_id.as_str(), "" | MAP_FRAME) {
-            let id: String = self.frame_id.chars().take(64).collect();
-            return Err(Error::invalid(
-                "frame_id",
-                format!("'{id}' is not known here; points are in '{MAP_FRAME}'"),
-            ));
-        }
+        check_frame_id(&self.frame_id)?;
         if self.points.len() > max_points {
             return Err(Error::invalid(
                 "points_m",
@@ -147,13 +160,7 @@ impl Unknown {
                 "needs unknown_policy FREE or OCCUPIED; under REPORT unknown distances are NaN",
             ));
         }
-        if !(distance_m > 0.0 && f64::from(distance_m) <= MAX_COORDINATE_M) {
-            return Err(Error::invalid(
-                "unknown_distance_m",
-                format!("{distance_m} must be within (0, {MAX_COORDINATE_M}] m"),
-            ));
-        }
-        Ok(())
+        check_unknown_distance(distance_m)
     }
 
     /// The numbers to fill in, if any. `reach_m` is how far the map's distances go.

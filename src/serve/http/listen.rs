@@ -148,10 +148,10 @@ async fn serve(
         })
         .await
     };
-    match ended {
-        Ok(()) => linger(connection.into_parts().io.into_inner().into_inner(), &limits).await,
-        Err(error) => tracing::debug!(%error, "an HTTP connection ended"),
+    if let Err(error) = ended {
+        tracing::debug!(%error, "an HTTP connection failed");
     }
+    linger(connection.into_parts().io.into_inner().into_inner(), &limits).await;
 }
 
 /// Closes our side and reads what the other still sends. A socket that is closed with unread bytes

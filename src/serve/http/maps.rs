@@ -120,7 +120,7 @@ pub(super) struct MapReset {
 }
 
 /// Every map
-#[utoipa::path(get, path = "/v1/maps", tag = "maps", params(openapi::Timeout),
+#[utoipa::path(get, path = "/v1/maps", tag = "maps",
     responses((status = 200, description = "The maps.", body = MapList), MapRefusals))]
 pub(super) async fn list(State(edge): State<Arc<Edge>>) -> Result<Response, Refusal> {
     let started = Instant::now();
@@ -130,7 +130,7 @@ pub(super) async fn list(State(edge): State<Arc<Edge>>) -> Result<Response, Refu
 
 /// One map and the settings that it was made with
 #[utoipa::path(get, path = "/v1/maps/{map}", tag = "maps",
-    params(openapi::MapPath, openapi::Timeout),
+    params(openapi::MapPath),
     responses((status = 200, description = "The map.", body = MapDetail), MapRefusals))]
 pub(super) async fn detail(
     State(edge): State<Arc<Edge>>,
@@ -153,7 +153,7 @@ pub(super) async fn detail(
 
 /// Sizes, counters and timings of one map
 #[utoipa::path(get, path = "/v1/maps/{map}/stats", tag = "maps",
-    params(openapi::MapPath, openapi::Timeout),
+    params(openapi::MapPath),
     responses((status = 200, description = "The counters.", body = MapStats), MapRefusals))]
 pub(super) async fn stats(
     State(edge): State<Arc<Edge>>,
@@ -197,7 +197,7 @@ fn stats_of(service: &Service, map_id: &str) -> Result<MapStats, Refusal> {
 /// settings is published under a new epoch. Questions are answered meanwhile. The file on disk stays
 /// as it is until the server saves.
 #[utoipa::path(post, path = "/v1/maps/{map}/reset", tag = "maps",
-    params(openapi::MapPath, openapi::Timeout),
+    params(openapi::MapPath),
     responses((status = 200, description = "It is empty.", body = MapReset), MapRefusals))]
 pub(super) async fn reset(
     State(edge): State<Arc<Edge>>,

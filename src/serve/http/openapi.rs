@@ -8,13 +8,14 @@ use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
 use utoipa::{IntoParams, IntoResponses, OpenApi, ToSchema};
 
 use super::limits::Limits;
-use super::{maps, points, probes, refusal, schemas};
+use super::{maps, points, probes, refusal};
 
 #[derive(OpenApi)]
 #[openapi(
     info(description = "A map server for robots: signed distance and occupancy, asked over HTTP. \
         Metres, seconds, world axes with z up; distance positive in free space. Every error is \
-        JSON of one shape."),
+        JSON of one shape. A client that waits no longer than so many milliseconds says it in the \
+        header `orenx-timeout-ms`, with any request."),
     servers((url = "/")),
     paths(
         probes::about, probes::healthy, probes::alive, probes::ready, probes::metrics,
@@ -35,9 +36,6 @@ pub(super) fn document(limits: &Limits) -> Bytes {
     let points = "/components/schemas/PointsRequest/properties/points_m";
     if let Some(points) = document.pointer_mut(points) {
         points["maxItems"] = json!(limits.max_points);
-    }
-    if let Some(raw) = document.pointer_mut("/components/schemas/Raw") {
-        raw["maxLength"] = json!(limits.raw_bytes);
     }
     if let Some(request) = document.pointer_mut("/components/schemas/PointsRequest") {
         // A distance for unknown points needs a policy that uses it.
@@ -66,16 +64,6 @@ pub(super) struct MapPath {
     /// The map to ask: "default".
     #[param(example = "default")]
     map: String,
-}
-
-/// The header that bounds a request's time.
-#[derive(IntoParams)]
-#[into_params(parameter_in = Header)]
-#[expect(dead_code, reason = "stands for a header in the document")]
-pub(super) struct Timeout {
-    /// How long the client will wait, ms. After that the answer is DEADLINE_EXCEEDED.
-    #[param(rename = "orenx-timeout-ms", schema_with = schemas::timeout)]
-    timeout_ms: Option<u64>,
 }
 
 /// What any path may answer instead.

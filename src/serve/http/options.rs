@@ -5,13 +5,14 @@ use std::time::Duration;
 use glam::Vec3;
 use percent_encoding::percent_decode_str;
 use serde::Deserialize;
-use utoipa::{IntoParams, ToSchema};
+use utoipa::ToSchema;
 
 use super::refusal::Refusal;
-use super::schemas;
 use crate::error::Error;
 use crate::map::Fields;
-use crate::service::{PointsQuestion, Unknown, UnknownPolicy};
+use crate::service::{
+    PointsQuestion, Unknown, UnknownPolicy, check_frame_id, check_unknown_distance,
+};
 
 /// A column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, ToSchema)]
@@ -34,24 +35,19 @@ pub(super) enum Policy {
 }
 
 /// The options in a query string; the body's own go before them.
-#[derive(Debug, Clone, Default, PartialEq, IntoParams)]
-#[into_params(parameter_in = Query)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Options {
-    #[param(schema_with = schemas::text::frame_id)]
     pub(super) frame_id: Option<String>,
-    /// The columns to answer, with commas between them; none means all of them.
-    #[param(style = Form, explode = false)]
+    /// None means all of them; in a query string with commas between them.
     pub(super) fields: Option<Vec<Field>>,
-    #[param(schema_with = schemas::text::min_epoch)]
     pub(super) min_epoch: Option<u64>,
-    #[param(schema_with = schemas::text::max_age)]
     pub(super) max_age_ms: Option<u64>,
-    /// What stands in the columns of numbers where a point is unknown.
-    #[param(inline)]
     pub(super) unknown_policy: Option<Policy>,
-    #[param(schema_with = schemas::text::unknown_distance)]
     pub(super) unknown_distance_m: Option<f32>,
 }
+
+/// The largest integer that JSON readers in all languages hold exactly: 2^53 - 1.
+pub(super) const MAX_INTEGER: u64 = (1 << 53) - 1;
 
 const FIELDS: [(&str, Field); 4] = [
     ("distance", Field::Distance),
@@ -63,14 +59,18 @@ const POLICIES: [(&str, Policy); 3] =
     [("report", Policy::Report), ("free", Policy::Free), ("occupied", Policy::Occupied)];
 
 impl Options {
-    /// Reads a query string; a key that does not exist, or twice, is an error.
+    /// Reads a query string; a key that does not exist, or twice, is an error. Values are checked even
+    /// if the body has others.
     pub(super) fn of_query(query: Option<&str>) -> Result<Self, Refusal> {
         let mut options = Self::default();
         for pair in query.unwrap_or_default().split('&').filter(|pair| !pair.is_empty()) {
             let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
             let (key, value) = (decoded(key)?, decoded(value)?);
             let is_first = match key.as_str() {
-                "frame_id" => options.frame_id.replace(value).is_none(),
+                "frame_id" => {
+                    check_frame_id(&value)?;
+                    options.frame_id.replace(value).is_none()
+                }
                 "fields" => options.fields.replace(list(&value)?).is_none(),
                 "min_epoch" => options.min_epoch.replace(number(&key, &value)?).is_none(),
                 "max_age_ms" => options.max_age_ms.replace(number(&key, &value)?).is_none(),
@@ -79,7 +79,9 @@ impl Options {
                     options.unknown_policy.replace(policy).is_none()
                 }
                 "unknown_distance_m" => {
-                    options.unknown_distance_m.replace(number(&key, &value)?).is_none()
+                    let distance_m = number(&key, &value)?;
+                    check_unknown_distance(distance_m)?;
+                    options.unknown_distance_m.replace(distance_m).is_none()
                 }
                 _ => {
                     let shown: String = key.chars().take(64).collect();
@@ -92,7 +94,19 @@ impl Options {
                 return Err(Error::invalid(key, "is there twice").into());
             }
         }
+        options.check()?;
         Ok(options)
+    }
+
+    /// Refuses numbers that JSON does not hold exactly: no epoch and no age is so large.
+    pub(super) fn check(&self) -> Result<(), Refusal> {
+        for (key, number) in [("min_epoch", self.min_epoch), ("max_age_ms", self.max_age_ms)] {
+            if let Some(number) = number.filter(|number| *number > MAX_INTEGER) {
+                let problem = format!("{number} must be within 0..={MAX_INTEGER}");
+                return Err(Error::invalid(key, problem).into());
+            }
+        }
+        Ok(())
     }
 
     /// These, and where they leave something out the others.
@@ -193,6 +207,9 @@ mod tests {
             ("max_age_ms=soon", ["max_age_ms: ", "'soon'"]),
             ("unknown_policy=hope", ["unknown_policy: ", "occupied"]),
             ("unknown_distance_m=x", ["unknown_distance_m: ", "'x'"]),
+            ("unknown_distance_m=0", ["unknown_distance_m: ", "10000"]),
+            ("frame_id=odom", ["frame_id: ", "map"]),
+            ("min_epoch=9007199254740992", ["min_epoch: ", "9007199254740991"]),
             ("min_epoch=1&min_epoch=1", ["min_epoch: ", "twice"]),
             ("frame_id=%ff", ["query string: ", "UTF-8"]),
         ] {

@@ -8,14 +8,16 @@ use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use glam::Vec3;
+use serde::de::{Deserializer, Error as _};
 use serde::{Deserialize, Serialize};
+use serde_json::Number;
 use utoipa::ToSchema;
 
 use super::body::{Parts, Received, Share, receive};
 use super::limits::RAW_POINT_BYTES;
 use super::media::Media;
 use super::openapi::{self, PointRefusals};
-use super::options::{Field, Options, Policy};
+use super::options::{Field, MAX_INTEGER, Options, Policy};
 use super::refusal::Refusal;
 use super::{Edge, JSON, MapId, schemas};
 use crate::error::Error;
@@ -34,17 +36,19 @@ const JSON_ANSWER_BYTES: usize = 64;
 pub(super) struct PointsRequest {
     #[schema(schema_with = schemas::points)]
     points_m: Vec<Vec3>,
-    #[schema(schema_with = schemas::body::frame_id)]
+    #[schema(schema_with = schemas::frame_id)]
     frame_id: Option<String>,
     /// The columns to answer; none means all of them.
     fields: Option<Vec<Field>>,
-    #[schema(schema_with = schemas::body::min_epoch)]
+    #[serde(default, deserialize_with = "whole")]
+    #[schema(schema_with = schemas::min_epoch)]
     min_epoch: Option<u64>,
-    #[schema(schema_with = schemas::body::max_age)]
+    #[serde(default, deserialize_with = "whole")]
+    #[schema(schema_with = schemas::max_age)]
     max_age_ms: Option<u64>,
     /// What stands in the columns of numbers where a point is unknown.
     unknown_policy: Option<Policy>,
-    #[schema(schema_with = schemas::body::unknown_distance)]
+    #[schema(schema_with = schemas::unknown_distance)]
     unknown_distance_m: Option<f32>,
 }
 
@@ -74,14 +78,14 @@ pub(super) struct PointsAnswer {
 
 /// Distance, gradient, occupancy and state at points
 ///
-/// One answer comes from one epoch. A body of `application/octet-stream` holds x y z of each point as
-/// little-endian f32; the options then stand in the query string. The answer has the form that
-/// `accept` prefers: JSON, or the columns as little-endian numbers back to back, with their names,
-/// types, widths and offsets in the header `orenx-columns`.
+/// One answer comes from one epoch. It has the form that `accept` prefers: JSON, or the columns as
+/// little-endian numbers back to back, with their names, types, widths and offsets in the header
+/// `orenx-columns`. A question may be raw too: a body of `application/octet-stream` with x y z of
+/// each point as little-endian f32, finite and whole, and the options in the query string, under the
+/// names that they have in JSON (`?fields=distance,state&min_epoch=4`).
 #[utoipa::path(post, path = "/v1/maps/{map}/query/points", tag = "query",
-    params(openapi::MapPath, openapi::Timeout, Options),
-    request_body(content((PointsRequest = "application/json"),
-        (openapi::Raw = "application/octet-stream"))),
+    params(openapi::MapPath),
+    request_body = PointsRequest,
     responses((status = 200, description = "The answers.",
         content((PointsAnswer = "application/json"), (openapi::Raw = "application/octet-stream")),
         headers(
@@ -137,6 +141,7 @@ async fn read_json(edge: &Edge, body: Body) -> Result<(Vec<Vec3>, Options, Share
         unknown_policy: request.unknown_policy,
         unknown_distance_m: request.unknown_distance_m,
     };
+    options.check()?;
     Ok((request.points_m, options, share))
 }
 
@@ -153,6 +158,16 @@ fn parse(body: &[u8]) -> Result<PointsRequest, Refusal> {
             Ok(_) => Error::invalid("body", error.to_string()).into(),
         }
     })
+}
+
+/// A whole number, or null. JSON knows one kind of number: 7.0 is 7.
+fn whole<'de, D: Deserializer<'de>>(json: D) -> Result<Option<u64>, D::Error> {
+    let Some(number) = Option::<Number>::deserialize(json)? else { return Ok(None) };
+    let range = 0.0..=MAX_INTEGER as f64;
+    let is_whole = |n: &f64| n.fract() == 0.0 && range.contains(n);
+    let whole = number.as_u64().or_else(|| number.as_f64().filter(is_whole).map(|n| n as u64));
+    let problem = format_args!("{number} must be whole and within 0..={MAX_INTEGER}");
+    whole.map(Some).ok_or_else(|| D::Error::custom(problem))
 }
 
 /// A path as the other transports name it: the third number of a point is its z.
@@ -265,5 +280,8 @@ mod tests {
         }
         let good = r#"{"points_m":[[1,2.5,-3e-1]],"fields":null,"unknown_policy":"free"}"#;
         assert_eq!(parse(good.as_bytes()).expect(good).points_m, [Vec3::new(1.0, 2.5, -0.3)]);
+        let whole = r#"{"points_m":[],"min_epoch":7.0,"max_age_ms":null}"#;
+        let request = parse(whole.as_bytes()).expect(whole);
+        assert_eq!((request.min_epoch, request.max_age_ms), (Some(7), None));
     }
 }

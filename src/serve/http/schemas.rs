@@ -6,21 +6,16 @@ use utoipa::openapi::schema::{
 };
 use utoipa::openapi::{ObjectBuilder, Schema};
 
+use super::options::MAX_INTEGER;
 use crate::geometry::MAX_COORDINATE_M;
 use crate::service::MAP_FRAME;
 
-fn integer(types: &[Type]) -> ObjectBuilder {
-    let types = [&[Type::Integer], types].concat();
-    // Larger numbers are read too, but few programs have them.
-    let most = i64::MAX as f64;
+fn integer_or_null() -> ObjectBuilder {
     ObjectBuilder::new()
-        .schema_type(SchemaType::from_iter(types))
+        .schema_type(SchemaType::from_iter([Type::Integer, Type::Null]))
         .format(Some(SchemaFormat::KnownFormat(KnownFormat::Int64)))
-        .maximum(Some(most))
-}
-
-pub(super) fn timeout() -> Schema {
-    integer(&[]).minimum(Some(1)).into()
+        .minimum(Some(0))
+        .maximum(Some(MAX_INTEGER as usize))
 }
 
 fn number(types: &[Type]) -> ObjectBuilder {
@@ -50,7 +45,7 @@ pub(super) fn points() -> Schema {
     points.description(Some("[x, y, z] of each point, world metres.")).into()
 }
 
-/// One of these a point, or three; null where unknown.
+/// The columns of an answer.
 pub(super) fn distances() -> Schema {
     let text = "Signed distance to the nearest surface, m: positive outside, negative inside; null \
                 where unknown.";
@@ -74,74 +69,33 @@ pub(super) fn states() -> Schema {
     list(state.enum_values(Some([0, 1, 2]))).description(Some(text)).into()
 }
 
-fn frame_id(null: bool) -> ObjectBuilder {
-    let types = if null { vec![Type::String, Type::Null] } else { vec![Type::String] };
-    let mut names = vec![json!(""), json!(MAP_FRAME)];
-    names.extend(null.then_some(Value::Null));
-    ObjectBuilder::new()
-        .schema_type(SchemaType::from_iter(types))
-        .enum_values(Some(names))
-        .description(Some("The frame of the points: \"map\", the world of the poses."))
+// Options, where null is the same as leaving them out.
+
+pub(super) fn frame_id() -> Schema {
+    let names = [json!(""), json!(MAP_FRAME), Value::Null];
+    let schema =
+        ObjectBuilder::new().schema_type(SchemaType::from_iter([Type::String, Type::Null]));
+    let text = "The frame of the points: \"map\", the world of the poses.";
+    schema.enum_values(Some(names)).description(Some(text)).into()
 }
 
-fn min_epoch(null: &[Type]) -> ObjectBuilder {
+pub(super) fn min_epoch() -> Schema {
     let text = "Fails with FAILED_PRECONDITION if the newest epoch is older; an INTEGRATED ack says \
                 which epoch holds a frame.";
-    integer(null).minimum(Some(0)).description(Some(text))
+    integer_or_null().description(Some(text)).into()
 }
 
-fn max_age(null: &[Type]) -> ObjectBuilder {
+pub(super) fn max_age() -> Schema {
     let text = "Fails with FAILED_PRECONDITION if the newest frame of that epoch came to the server \
                 longer ago than this, ms. 0: any age.";
-    integer(null).minimum(Some(0)).description(Some(text))
+    integer_or_null().description(Some(text)).into()
 }
 
-fn unknown_distance(null: &[Type]) -> ObjectBuilder {
+pub(super) fn unknown_distance() -> Schema {
     let text = "The distance of unknown points under `free` (as it is) and `occupied` (negative), m. \
                 Left out: as far as the map's distances reach. Refused under `report`.";
     // The least that a single float holds with all of its digits.
     let least = f64::from(f32::MIN_POSITIVE);
-    number(null).minimum(Some(least)).maximum(Some(MAX_COORDINATE_M)).description(Some(text))
-}
-
-/// Options in a query string, where nothing is null.
-pub(super) mod text {
-    use super::Schema;
-
-    pub(in super::super) fn frame_id() -> Schema {
-        super::frame_id(false).into()
-    }
-
-    pub(in super::super) fn min_epoch() -> Schema {
-        super::min_epoch(&[]).into()
-    }
-
-    pub(in super::super) fn max_age() -> Schema {
-        super::max_age(&[]).into()
-    }
-
-    pub(in super::super) fn unknown_distance() -> Schema {
-        super::unknown_distance(&[]).into()
-    }
-}
-
-/// Options in JSON, where null is the same as leaving them out.
-pub(super) mod body {
-    use super::{Schema, Type};
-
-    pub(in super::super) fn frame_id() -> Schema {
-        super::frame_id(true).into()
-    }
-
-    pub(in super::super) fn min_epoch() -> Schema {
-        super::min_epoch(&[Type::Null]).into()
-    }
-
-    pub(in super::super) fn max_age() -> Schema {
-        super::max_age(&[Type::Null]).into()
-    }
-
-    pub(in super::super) fn unknown_distance() -> Schema {
-        super::unknown_distance(&[Type::Null]).into()
-    }
+    let number = number(&[Type::Null]).minimum(Some(least)).maximum(Some(MAX_COORDINATE_M));
+    number.description(Some(text)).into()
 }
