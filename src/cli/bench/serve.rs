@@ -23,9 +23,9 @@ use super::figure::{Figure, Target, Unit, percentile};
 use super::printer::Printer;
 use super::recording::RecordingArgs;
 use crate::client::{Client, HttpClient, Questioner};
-use crate::dataset::Dataset;
 use crate::dataset::synthetic::Synthetic;
 use crate::error::{Error, Result};
+use crate::frame::Frame;
 use crate::map::Fields;
 use crate::service::{DEFAULT_MAP, PointsQuestion};
 
@@ -81,7 +81,8 @@ impl ServeBenchArgs {
         runtime.block_on(async {
             let folder = self.recording.folder("kitchen")?;
             let recording = self.recording.open(&folder)?;
-            self.questions(recording.data.into(), recording.indices, out).await?;
+            let frames = load::load(recording.data.as_ref(), &recording.indices)?;
+            self.questions(recording.data.name(), frames, out).await?;
             if self.soak_s > WARM_UP.as_secs() {
                 self.soak(out).await?;
             }
@@ -92,19 +93,21 @@ impl ServeBenchArgs {
     /// Questions of all kinds in turn, then one stream of them, while a recording streams in a loop.
     async fn questions(
         &self,
-        data: Arc<dyn Dataset>,
-        indices: Vec<usize>,
+        recording: &str,
+        frames: Arc<[Frame]>,
         out: &mut Printer<'_>,
     ) -> anyhow::Result<()> {
         let server = ServerProcess::start().await?;
-        let grpc = Client::connect(server.grpc()).await?;
-        let name = format!("{} at {RATE_HZ} Hz", data.name());
+        // A robot and a planner are two programs: they do not wait behind each other's messages.
+        let (camera, grpc) =
+            (Client::connect(server.grpc()).await?, Client::connect(server.grpc()).await?);
+        let name = format!("{recording} at {RATE_HZ} Hz");
         // One lap, so that there is a map to ask.
-        let lap = Robot::start(&grpc, data.clone(), indices.clone(), RATE_HZ, Some(1))?;
+        let lap = Robot::start(&camera, frames.clone(), RATE_HZ, Some(1));
         lap.arrive().await?;
         let points = known_points(&grpc, LARGEST).await?;
 
-        let robot = Robot::start(&grpc, data.clone(), indices.clone(), RATE_HZ, None)?;
+        let robot = Robot::start(&camera, frames.clone(), RATE_HZ, None);
         let planners =
             [Questioner::Grpc(grpc.clone()), Questioner::Http(HttpClient::new(server.http())?)];
         let times = self.ask(&planners, &points).await?;
@@ -121,7 +124,7 @@ impl ServeBenchArgs {
         out.figures(load::frame_figures(&format!("{name}, its frames"), &report))?;
 
         if self.pipeline_s > 0 {
-            let robot = Robot::start(&grpc, data, indices, RATE_HZ, None)?;
+            let robot = Robot::start(&camera, frames, RATE_HZ, None);
             let rate = self.pipe(&grpc, &points).await?;
             let report = robot.finish().await?;
             let case = format!("{name}, one stream of {PIPED_POINTS} points a question");
@@ -172,9 +175,11 @@ impl ServeBenchArgs {
     /// A room in a loop and clients that ask, for minutes: what the server's memory does.
     async fn soak(&self, out: &mut Printer<'_>) -> anyhow::Result<()> {
         let server = ServerProcess::start().await?;
-        let client = Client::connect(server.grpc()).await?;
-        let room = Arc::new(Synthetic::room(ROOM_FRAMES).with_width(self.width));
-        let robot = Robot::start(&client, room, (0..ROOM_FRAMES).collect(), RATE_HZ, None)?;
+        let (camera, client) =
+            (Client::connect(server.grpc()).await?, Client::connect(server.grpc()).await?);
+        let room = Synthetic::room(ROOM_FRAMES).with_width(self.width);
+        let frames = load::load(&room, &(0..ROOM_FRAMES).collect::<Vec<_>>())?;
+        let robot = Robot::start(&camera, frames, RATE_HZ, None);
         let start = Instant::now();
         tokio::time::sleep(Duration::from_secs(5)).await;
         let points = known_points(&client, PIPED_POINTS).await?;

@@ -5,19 +5,26 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use glam::Vec3;
+use tokio::sync::mpsc;
 use tokio::task::JoinHandle;
 
 use super::super::figure::{Figure, Unit, percentile};
 use super::{NO_FRAME, VISIBLE_MS, WINDOW};
-use crate::client::{Client, Pace, StreamReport, load_ahead, send};
+use crate::client::{Client, Pace, StreamReport, send};
 use crate::dataset::Dataset;
 use crate::engine::QueuePolicy;
 use crate::error::{Error, Result};
+use crate::frame::Frame;
 use crate::geometry::random::{pcg4d, unit};
 use crate::map::Fields;
 use crate::service::DEFAULT_MAP;
 
-/// A recording that is sent in a loop, at a camera's pace, until it is told to finish.
+/// The frames of a recording, in memory: a camera has no files to decode, and the cores are few.
+pub(super) fn load(data: &dyn Dataset, indices: &[usize]) -> Result<Arc<[Frame]>> {
+    indices.iter().map(|&index| data.load(index, false)).collect()
+}
+
+/// Frames that are sent in a loop, at a camera's pace, until it is told to finish.
 pub(super) struct Robot {
     stop: Arc<AtomicBool>,
     sending: JoinHandle<Result<StreamReport>>,
@@ -27,11 +34,10 @@ impl Robot {
     /// `laps`: how often it goes round; `None` until [`Self::finish`].
     pub(super) fn start(
         client: &Client,
-        data: Arc<dyn Dataset>,
-        indices: Vec<usize>,
+        frames: Arc<[Frame]>,
         rate_hz: f64,
         laps: Option<usize>,
-    ) -> Result<Self> {
+    ) -> Self {
         let pace = Pace {
             map_id: DEFAULT_MAP.into(),
             policy: if laps.is_some() { QueuePolicy::Block } else { QueuePolicy::Latest },
@@ -39,25 +45,25 @@ impl Robot {
             window: WINDOW,
         };
         let stop = Arc::new(AtomicBool::new(false));
-        let frames = laps.map_or(usize::MAX, |laps| laps * indices.len());
-        let goes_on = {
-            let stop = stop.clone();
-            move |_: &usize| !stop.load(Relaxed)
-        };
-        let loop_of_frames = indices.into_iter().cycle().take(frames).take_while(goes_on);
-        let start_ns = now_ns();
-        // A robot of its own each time: its count of frames starts anew.
-        let robot_id: Arc<str> = format!("bench-{start_ns}").into();
-        let mut seq = 0;
-        let source = load_ahead(data, loop_of_frames, move |frame| {
-            seq += 1;
-            frame.robot_id.clone_from(&robot_id);
-            frame.seq = seq;
-            frame.stamp_ns = now_ns();
-        })?;
+        let count = laps.map_or(usize::MAX, |laps| laps * frames.len());
+        let (out, source) = mpsc::channel(1);
+        let stopped = stop.clone();
+        tokio::spawn(async move {
+            // A robot of its own each time: its count of frames starts anew.
+            let robot_id: Arc<str> = format!("bench-{}", now_ns()).into();
+            let goes_on = |_: &(u64, &Frame)| !stopped.load(Relaxed);
+            let looped = frames.iter().cycle().take(count);
+            for (seq, frame) in (1..).zip(looped).take_while(goes_on) {
+                let (robot_id, stamp_ns) = (robot_id.clone(), now_ns());
+                let frame = Frame { robot_id, seq, stamp_ns, ..frame.clone() };
+                if out.send(Ok(frame)).await.is_err() {
+                    return;
+                }
+            }
+        });
         let client = client.clone();
         let sending = tokio::spawn(async move { send(&client, pace, source, |_| {}).await });
-        Ok(Self { stop, sending })
+        Self { stop, sending }
     }
 
     /// Stops it and lets the frames under way arrive.
