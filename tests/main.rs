@@ -8,6 +8,7 @@
 )]
 
 mod bad_files; // damaged maps, points, recordings and settings on the command line
+mod bench_command; // what `orenx bench serve` measures
 mod house; // the rules of the house held against its files: floors, names, sizes
 mod http; // the same server over HTTP: probes, answers, bad input, the document
 mod map_command; // what `orenx map` says to bad input
