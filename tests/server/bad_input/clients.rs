@@ -56,7 +56,8 @@ async fn a_client_that_dies_leaves_the_server_well() {
 #[tokio::test(flavor = "multi_thread")]
 async fn acks_that_nobody_reads_stop_the_frames() {
     const SENT: u64 = 300;
-    const BOUND: u64 = 64;
+    /// Two acks a frame fill the server's queue, and the transport may hold as many again.
+    const BOUNDS: std::ops::RangeInclusive<u64> = 64..=128;
     let server = start(|_| {}).await;
     let mut call = begin(&server.url, "/orenx.v1.Ingest/StreamFrames", None, 0).await;
     let good = good_frame(0);
@@ -64,10 +65,14 @@ async fn acks_that_nobody_reads_stop_the_frames() {
         let frame = v1::Frame { seq, ..good.clone() };
         call.request.send_data(sent(&frame), false).unwrap();
     }
-    while well(&server).await.received < BOUND {}
-    for _ in 0..50 {
-        assert_eq!(well(&server).await.received, BOUND, "of {SENT}");
+    // As many as the server takes, until it has taken no more for a while.
+    let (mut received, mut well_since) = (0, 0);
+    while received < *BOUNDS.start() || well_since < 50 {
+        let now = well(&server).await.received;
+        well_since = if now == received { well_since + 1 } else { 0 };
+        received = now;
     }
+    assert!(BOUNDS.contains(&received), "{received} of {SENT}");
     drop(call);
     server.stop().await.0.unwrap();
 }
