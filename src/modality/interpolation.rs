@@ -7,6 +7,7 @@
     reason = "lanes are indexed alike in every array of an expression"
 )]
 
+use crate::geometry::simd::{Four, Lanes};
 use crate::octree::Explicit;
 
 /// One number for each corner.
@@ -31,16 +32,10 @@ pub struct Place {
     pub size_m: f32,
 }
 
-/// Rows to columns.
+/// Rows to columns, outside of kernels, which have [`Lanes::columns`].
 #[inline(always)]
 pub fn by_column(rows: [&Explicit; 8]) -> ExplicitCorners {
-    let mut columns = [[0.0; 8]; 4];
-    for k in 0..8 {
-        for (column, value) in columns.iter_mut().zip(rows[k]) {
-            column[k] = *value;
-        }
-    }
-    columns
+    Four::columns(rows)
 }
 
 // No closures below: they would be compiled outside the kernels' instruction set.

@@ -26,8 +26,8 @@ pub const SDF_FEATURES: usize = 16;
 /// Numbers of an occupancy feature.
 pub const OCCUPANCY_FEATURES: usize = 8;
 
-/// What the decoders read at a vertex. In halves: a row's part in a residual of a centimetre is off
-/// by some micrometres, and a whole [`Row`] is one cache line, which is what reading costs.
+/// What the decoders read at a vertex. In halves: a row's part in a residual is off by at most
+/// 0.4 %, and a whole [`Row`] is one cache line, which is what reading costs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Features {
