@@ -37,6 +37,9 @@ pub enum Error {
     /// The operating system refused a file.
     #[error("{path}: {source}")]
     Io { path: PathBuf, source: std::io::Error },
+    /// The GPU went away or refused to go on; what it had not given back is lost.
+    #[error("the GPU failed: {0}")]
+    DeviceLost(String),
     /// A broken promise inside orenx.
     #[error("internal error: {0}")]
     Internal(String),
@@ -119,7 +122,7 @@ impl Error {
             Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
                 Status::NotFound
             }
-            Self::Io { .. } | Self::Internal(_) => Status::Internal,
+            Self::Io { .. } | Self::DeviceLost(_) | Self::Internal(_) => Status::Internal,
         }
     }
 

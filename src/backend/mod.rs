@@ -2,27 +2,54 @@
 //! topology, plan and random numbers, and can be compared value by value.
 
 pub mod cpu;
+pub mod gpu;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 use crate::modality::losses::{LossWeights, Stencil};
 use crate::modality::{Decoders, OCCUPANCY_FEATURES, SDF_FEATURES};
-use crate::octree::{Explicit, NodeSource};
-use crate::train::Batch;
+use crate::octree::{Explicit, Topology};
+use crate::surface::Surface;
+use crate::train::{KeyFrame, RayPlan};
 
 pub use cpu::CpuBackend;
+pub use gpu::GpuBackend;
 
 /// Most samples of one step.
 pub const MAX_SAMPLES: usize = 1 << 22;
 
-/// What the host owns and a step reads.
-pub struct Host<'a, N: NodeSource> {
-    pub nodes: &'a N,
-    /// Closed-form (d, g) by vertex row; at least [`Backend::rows`] of them.
+/// What the host owns and training reads.
+#[derive(Clone, Copy)]
+pub struct Scene<'a> {
+    pub topology: &'a Topology,
+    pub surface: &'a Surface,
+    /// Closed-form (d, g) by vertex row.
     pub prior: &'a [Explicit],
+}
+
+/// What has changed of a [`Scene`] since a backend was last told; lists may hold repeats.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Changes<'a> {
+    /// Nodes whose link or corners changed.
+    pub nodes: &'a [u32],
+    /// Rows that are new or whose prior changed.
+    pub rows: &'a [u32],
+    /// Rows whose learned part is void: columns, moments and step counts become zero.
+    pub voided: &'a [u32],
+}
+
+/// Training steps that are taken together.
+#[derive(Clone, Copy)]
+pub struct Work<'a> {
+    pub frames: &'a [&'a KeyFrame],
+    /// The rays of the first step; the others count on from it.
+    pub plan: RayPlan,
+    pub steps: u32,
+    pub parameters: StepParameters,
 }
 
 /// The numbers of one step.
@@ -66,6 +93,18 @@ impl Losses {
             ("total", self.total),
         ]
     }
+}
+
+/// What the newest finished work did.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct WorkReport {
+    /// Of its last step.
+    pub step: StepReport,
+    /// Rays of all its steps, and the time that they took; no rays if nothing was measured.
+    pub rays: u32,
+    pub took: Duration,
+    /// Its passes by name, and the time of each, ms.
+    pub passes: Vec<(&'static str, f32)>,
 }
 
 /// What a step did.
@@ -133,33 +172,37 @@ pub struct BackendState {
     pub occupancy: DecoderState,
 }
 
-/// A trainer. It owns the learned columns and the decoders; topology and prior stay with the host.
-pub trait Backend<N: NodeSource>: Send {
-    /// Number of vertex rows.
-    fn rows(&self) -> usize;
+/// A trainer. It owns the learned columns and the decoders; topology, surface and prior stay with
+/// the host.
+pub trait Backend: Send {
+    /// Its name, for reports and logs.
+    fn name(&self) -> String;
 
-    /// Grows to `rows` vertex rows; new ones are zero. Never shrinks.
-    fn resize(&mut self, rows: usize);
+    /// Makes room for `rows` vertex rows, if it can; returns for how many there is.
+    fn reserve(&mut self, rows: usize) -> Result<usize>;
 
-    /// Starts rows anew: learned columns, moments and step counts become zero.
-    fn reset(&mut self, rows: &[u32]);
+    /// Brings the backend up to date with a scene, which has grown since the last call and never
+    /// shrinks. New rows are zero.
+    fn follow(&mut self, scene: &Scene<'_>, changes: &Changes<'_>) -> Result<()>;
 
-    /// One optimiser step on a batch. On an error nothing has changed.
-    fn step(
-        &mut self,
-        host: &Host<'_, N>,
-        batch: &Batch,
-        parameters: &StepParameters,
-    ) -> Result<StepReport>;
+    /// Takes optimiser steps. They may go on after this returns: [`Self::read_changed`] and
+    /// [`Self::report`] tell of what is finished.
+    fn train(&mut self, scene: &Scene<'_>, work: &Work<'_>) -> Result<()>;
 
-    /// Visits the rows that changed (by steps, resets or an import) since the last call, ascending.
+    /// Waits for all work; [`Self::read_changed`] then tells of all of it.
+    fn finish(&mut self) -> Result<()>;
+
+    /// The newest finished work. Each is told once.
+    fn report(&mut self) -> Option<WorkReport>;
+
+    /// Visits the rows that changed (by steps, voiding or an import) since the last call, ascending.
     fn read_changed(&mut self, visit: &mut dyn FnMut(u32, &LearnedRow));
 
-    /// The decoders as they are now; the same `Arc` until a step changes them.
+    /// The decoders that belong to the rows that were read; the same `Arc` until they change.
     fn decoders(&self) -> Arc<Decoders>;
 
     /// The complete state, for a checkpoint.
-    fn export(&self) -> BackendState;
+    fn export(&self) -> Result<BackendState>;
 
     /// Takes over a state. On an error nothing has changed.
     fn import(&mut self, state: BackendState) -> Result<()>;

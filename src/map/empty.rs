@@ -75,6 +75,7 @@ impl Mapper {
             newest_stamp_ns: 0,
             changed_rows: Vec::new(),
             changed_bricks: Vec::new(),
+            changed_nodes: Vec::new(),
         })
     }
 }

@@ -8,14 +8,14 @@ use serde::{Deserialize, Serialize};
 use super::budget::Sizes;
 use super::robots::Robots;
 use super::view::Store;
-use crate::backend::{Backend, Host, StepParameters};
+use crate::backend::{Backend, Changes, Scene, StepParameters, Work, WorkReport};
 use crate::config::{MapConfig, Prior};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::modality::losses::{LossWeights, Stencil};
 use crate::octree::{Explicit, Topology};
 use crate::surface::Surface;
-use crate::train::{KeyFrame, KeyFrames, RayPlan, Schedule, sample};
+use crate::train::{KeyFrame, KeyFrames, Pace, RayPlan, Schedule};
 
 /// Sign consistency joins the losses after this many frames (algorithms.md §8).
 const CONSISTENCY_FROM_FRAME: u64 = 50;
@@ -74,7 +74,7 @@ pub struct Mapper {
     pub(super) robots: Robots,
     pub(super) key_frames: KeyFrames,
     pub(super) schedule: Schedule,
-    pub(super) backend: Box<dyn Backend<Topology>>,
+    pub(super) backend: Box<dyn Backend>,
     /// What the backend learned for (d, g), by row, as of the last publication.
     pub(super) learned: Vec<Explicit>,
     /// What the backend takes for the prior under [`Prior::Learned`]: zeros.
@@ -82,9 +82,10 @@ pub struct Mapper {
     pub(super) store: Store,
     pub(super) stats: MapStats,
     pub(super) newest_stamp_ns: i64,
-    /// Rows whose prior changed, and bricks, since the last publication.
+    /// Rows whose prior changed, bricks and nodes, since the last publication.
     pub(super) changed_rows: Vec<u32>,
     pub(super) changed_bricks: Vec<u32>,
+    pub(super) changed_nodes: Vec<u32>,
     /// Idle steps since the last frame.
     pub(super) idle_steps: u32,
     /// Whether the map has changed since its newest epoch.
@@ -111,7 +112,7 @@ impl Mapper {
         if valid_pixels == 0 {
             self.stats.frames_empty += 1;
         } else {
-            let view = self.allocate(frame);
+            let view = self.allocate(frame)?;
             self.stage("allocate", start);
             steps = self.train_on(&view, start)?;
         }
@@ -119,26 +120,36 @@ impl Mapper {
     }
 
     /// Surfels, evidence, voxels and prior; returns what training keeps of the frame.
-    fn allocate(&mut self, frame: &Frame) -> KeyFrame {
+    fn allocate(&mut self, frame: &Frame) -> Result<KeyFrame> {
         let number = self.stats.frames as u32;
-        self.grant_room();
+        self.grant_room()?;
         let rows = self.topology.rows() as u32;
         let source = self.robots.number(&frame.robot_id);
         let change = self.surface.integrate(frame, source, number, &mut self.topology, &self.pool);
-        self.backend.resize(self.topology.rows());
-        self.backend.reset(&change.prior.voided);
         // A new row that keeps its first value is no change of the prior, but new to every page.
+        let changed = self.changed_rows.len();
         self.changed_rows.extend(rows..self.topology.rows() as u32);
         self.changed_rows.extend(change.prior.rows);
         self.changed_bricks.extend(change.changed_bricks);
         if self.config.prior == Prior::Learned {
             self.no_prior.resize(self.topology.rows(), [0.0; 4]);
         }
-        KeyFrame::new(frame, self.config.key_frame_pixels as usize, self.config.r0_m)
+        let nodes = self.topology.take_changed_nodes();
+        let changes = Changes {
+            nodes: &nodes,
+            rows: &self.changed_rows[changed..],
+            voided: &change.prior.voided,
+        };
+        self.backend.follow(
+            &scene(&self.config, &self.topology, &self.surface, &self.no_prior),
+            &changes,
+        )?;
+        self.changed_nodes.extend(nodes);
+        Ok(KeyFrame::new(frame, self.config.key_frame_pixels as usize, self.config.r0_m))
     }
 
-    /// Lets the frame take its share of what the memory budget leaves.
-    fn grant_room(&mut self) {
+    /// Lets the frame take its share of what the memory budgets leave.
+    fn grant_room(&mut self) -> Result<()> {
         let sizes = Sizes {
             rows: self.topology.rows(),
             nodes: self.topology.node_slots(),
@@ -146,9 +157,11 @@ impl Mapper {
             bricks: self.surface.evidence.bricks(),
         };
         let room = sizes.room(&self.config);
-        self.topology.limit(sizes.rows + room.rows, sizes.nodes + room.nodes);
+        let rows = (sizes.rows + room.rows).min(self.backend.reserve(sizes.rows)?);
+        self.topology.limit(rows, sizes.nodes + room.nodes);
         self.surface.surfels.limit(sizes.surfels + room.surfels);
         self.surface.evidence.limit(sizes.bricks + room.bricks);
+        Ok(())
     }
 
     fn train_on(&mut self, view: &KeyFrame, start: Instant) -> Result<u32> {
@@ -158,44 +171,45 @@ impl Mapper {
             return Ok(0);
         }
         let window = self.key_frames.select(view);
-        for _ in 0..pace.steps {
-            let begin = Instant::now();
-            self.step(&window, Some(view), pace.rays, 1.0)?;
-            self.schedule.learn(pace.rays, begin.elapsed());
-        }
+        self.train(&window, Some(view), pace, 1.0)?;
         self.key_frames.offer(view);
         Ok(pace.steps)
     }
 
-    /// One training step on rays of key frames and, if given, of the current view.
-    fn step(
+    /// Training steps on rays of key frames and, if given, of the current view.
+    fn train(
         &mut self,
         window: &[u32],
         view: Option<&KeyFrame>,
-        rays: u32,
+        pace: Pace,
         rate: f32,
     ) -> Result<()> {
-        let labels = Instant::now();
+        let parameters = self.parameters(rate);
         let held = window.iter().filter_map(|&id| self.key_frames.get(id));
         let frames: Vec<&KeyFrame> = held.chain(view).collect();
         let plan = RayPlan {
-            rays,
+            rays: pace.rays,
             seed: self.config.seed,
             step: self.stats.steps as u32,
             eikonal_share: self.config.eikonal_share,
         };
-        let batch = sample(&plan, &frames, &self.topology, &self.surface, &self.trainers);
-        self.stage("labels", labels);
-        let train = Instant::now();
-        let closed = self.config.prior == Prior::Closed;
-        let prior = if closed { self.surface.prior.values() } else { &self.no_prior[..] };
-        let host = Host { nodes: &self.topology, prior };
-        let report = self.backend.step(&host, &batch, &self.parameters(rate))?;
-        self.stats.steps += 1;
-        self.stats.losses =
-            report.losses.named().map(|(name, loss)| (name.to_owned(), loss as f32)).to_vec();
-        self.stage("train", train);
+        let work = Work { frames: &frames, plan, steps: pace.steps, parameters };
+        let scene = scene(&self.config, &self.topology, &self.surface, &self.no_prior);
+        self.backend.train(&scene, &work)?;
+        self.stats.steps += u64::from(pace.steps);
+        self.hear();
         Ok(())
+    }
+
+    /// Takes note of what the backend has finished.
+    pub(super) fn hear(&mut self) {
+        let Some(WorkReport { step, rays, took, passes }) = self.backend.report() else { return };
+        self.schedule.learn(rays, took);
+        self.stats.losses =
+            step.losses.named().map(|(name, loss)| (name.to_owned(), loss as f32)).to_vec();
+        for (name, ms) in passes {
+            self.add_to_stage(name, ms);
+        }
     }
 
     fn parameters(&self, rate: f32) -> StepParameters {
@@ -215,7 +229,10 @@ impl Mapper {
 
     /// Adds the time since `start` to a stage of the frame.
     pub(super) fn stage(&mut self, name: &str, start: Instant) {
-        let took = start.elapsed().as_secs_f32() * 1e3;
+        self.add_to_stage(name, start.elapsed().as_secs_f32() * 1e3);
+    }
+
+    fn add_to_stage(&mut self, name: &str, took: f32) {
         match self.stats.stages_ms.iter_mut().find(|(n, _)| n == name) {
             Some((_, sum)) => *sum += took,
             None => self.stats.stages_ms.push((name.to_owned(), took)),
@@ -251,12 +268,11 @@ impl Mapper {
         while self.idle_steps < IDLE_STEPS && start.elapsed() < budget {
             let window = self.key_frames.select_idle();
             let rate = 1.0 - self.idle_steps as f32 / IDLE_STEPS as f32;
-            let (rays, begin) = (self.schedule.idle_rays(budget), Instant::now());
-            if let Err(error) = self.step(&window, None, rays, rate) {
+            let pace = Pace { rays: self.schedule.idle_rays(budget), steps: 1 };
+            if let Err(error) = self.train(&window, None, pace, rate) {
                 tracing::error!(%error, "idle refinement stopped");
                 return false;
             }
-            self.schedule.learn(rays, begin.elapsed());
             self.idle_steps += 1;
             self.changed = true;
         }
@@ -280,4 +296,15 @@ impl Mapper {
             ..self.stats.clone()
         }
     }
+}
+
+/// What the backend reads. Fields instead of the mapper, so that the backend can be borrowed beside.
+pub(super) fn scene<'a>(
+    config: &MapConfig,
+    topology: &'a Topology,
+    surface: &'a Surface,
+    no_prior: &'a [Explicit],
+) -> Scene<'a> {
+    let closed = config.prior == Prior::Closed;
+    Scene { topology, surface, prior: if closed { surface.prior.values() } else { no_prior } }
 }

@@ -58,7 +58,7 @@ impl Mapper {
     }
 
     fn write_nodes(&mut self) {
-        let mut nodes = self.topology.take_changed_nodes();
+        let mut nodes = std::mem::take(&mut self.changed_nodes);
         nodes.sort_unstable();
         nodes.dedup();
         self.store.root = self.topology.root();

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::mapper::{MapStats, Mapper};
+use super::mapper::{MapStats, Mapper, scene};
 use super::robots::Robots;
 use super::view::{BRICKS, MapView, NODES, Node, ROWS, Store};
-use crate::backend::BackendState;
+use crate::backend::{BackendState, Changes};
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
@@ -39,8 +39,8 @@ pub struct MapperState<'a> {
 
 impl Mapper {
     /// The whole state, borrowed where it is large.
-    pub fn state(&self) -> MapperState<'_> {
-        MapperState {
+    pub fn state(&self) -> Result<MapperState<'_>> {
+        Ok(MapperState {
             progress: Progress {
                 stats: self.stats.clone(),
                 newest_stamp_ns: self.newest_stamp_ns,
@@ -51,8 +51,8 @@ impl Mapper {
             surface: self.surface.state(),
             robots: self.robots.clone(),
             key_frames: self.key_frames.state(),
-            backend: self.backend.export(),
-        }
+            backend: self.backend.export()?,
+        })
     }
 
     /// A mapper with the state of another. The settings are that one's too, except for those that
@@ -71,9 +71,14 @@ impl Mapper {
         if state.backend.learned.len() != rows {
             return Err(Error::corrupt("learned rows", "differ in number from the octree's"));
         }
-        mapper.backend.import(state.backend)?;
         mapper.no_prior.resize(rows, [0.0; 4]);
         mapper.changed_rows = (0..rows as u32).collect();
+        mapper.changed_nodes = mapper.topology.take_changed_nodes();
+        let scene = scene(&mapper.config, &mapper.topology, &mapper.surface, &mapper.no_prior);
+        let (nodes, rows) = (&mapper.changed_nodes[..], &mapper.changed_rows[..]);
+        mapper.backend.reserve(rows.len())?;
+        mapper.backend.follow(&scene, &Changes { nodes, rows, voided: &[] })?;
+        mapper.backend.import(state.backend)?;
         mapper.changed_bricks = (0..mapper.surface.evidence.bricks() as u32).collect();
         Ok(mapper)
     }

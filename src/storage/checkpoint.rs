@@ -170,7 +170,7 @@ pub fn load_view(path: &Path) -> Result<Arc<MapView>> {
 }
 
 fn save_checkpoint(mapper: &Mapper, path: &Path) -> Result<()> {
-    let state = mapper.state();
+    let state = mapper.state()?;
     let (surface, keys) = (&state.surface, &state.key_frames);
     let learned: Vec<[f32; COLUMNS]> = state.backend.learned.iter().map(columns).collect();
     let moments: Vec<[[f32; COLUMNS]; 2]> =

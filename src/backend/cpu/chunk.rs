@@ -4,11 +4,12 @@
 //! of evaluations, and leaves one gradient for each row and for each decoder weight. No two
 //! threads write to the same place, so nothing depends on who runs when.
 
+use super::Host;
 use super::interpolate::{Evaluation, FEATURES, Gather, Scatter, Voxel};
 use super::objective::{Factors, lose};
 use super::plan::{Plan, Site};
 use super::table::IndexTable;
-use crate::backend::{Host, LearnedRow, Losses, StepParameters};
+use crate::backend::{LearnedRow, Losses, StepParameters};
 use crate::geometry::simd::{InstructionSet, LINE, Lines, prefetch};
 use crate::modality::decoder::{Activations, Gradient, POINTS_MULTIPLE};
 use crate::modality::interpolation::{ExplicitCorners, Place, by_column};

@@ -14,9 +14,10 @@ mod radix;
 mod rows;
 mod table;
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;
 
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use rayon::ThreadPool;
 use rayon::prelude::*;
@@ -26,15 +27,23 @@ use self::chunk::{CHUNK, Inputs, Output, Workspace};
 use self::plan::Plan;
 use self::rows::Rows;
 use super::{
-    Backend, BackendState, Batch, DecoderState, Host, LearnedRow, Losses, MAX_SAMPLES, ROW_BYTES,
-    StepParameters, StepReport,
+    Backend, BackendState, Changes, DecoderState, LearnedRow, Losses, MAX_SAMPLES, ROW_BYTES,
+    Scene, StepParameters, StepReport, Work, WorkReport,
 };
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::geometry::simd::InstructionSet;
 use crate::modality::decoder::Decoder;
 use crate::modality::{Decoders, occupancy, sdf};
-use crate::octree::{Lookup, NodeSource};
+use crate::octree::{Explicit, Lookup, NodeSource};
+use crate::train::{Batch, RayPlan, sample};
+
+/// What a step reads of the host.
+pub(super) struct Host<'a, N: NodeSource> {
+    pub(super) nodes: &'a N,
+    /// Closed-form (d, g) by vertex row; at least as many as the backend has rows.
+    pub(super) prior: &'a [Explicit],
+}
 
 /// Trains on the CPU, on the threads of the pool that it is given.
 pub struct CpuBackend {
@@ -49,6 +58,7 @@ pub struct CpuBackend {
     outputs: Vec<Output>,
     /// One for each thread of the pool; a lock is only ever taken by its own thread.
     workspaces: Vec<Mutex<Workspace>>,
+    report: Option<WorkReport>,
 }
 
 /// Adam's memory of a decoder, and its summed gradient.
@@ -118,6 +128,7 @@ impl CpuBackend {
             decoders: Arc::new(decoders),
             plan: Plan::default(),
             outputs: Vec::new(),
+            report: None,
         })
     }
 
@@ -223,20 +234,9 @@ fn check<N: NodeSource>(host: &Host<'_, N>, batch: &Batch, rows: usize) -> Resul
     Ok(())
 }
 
-impl<N: NodeSource + Sync> Backend<N> for CpuBackend {
-    fn rows(&self) -> usize {
-        self.rows.len()
-    }
-
-    fn resize(&mut self, rows: usize) {
-        self.rows.resize(rows);
-    }
-
-    fn reset(&mut self, rows: &[u32]) {
-        self.rows.reset(rows);
-    }
-
-    fn step(
+impl CpuBackend {
+    /// One optimiser step on a batch. On an error nothing has changed.
+    pub(super) fn step<N: NodeSource + Sync>(
         &mut self,
         host: &Host<'_, N>,
         batch: &Batch,
@@ -255,6 +255,50 @@ impl<N: NodeSource + Sync> Backend<N> for CpuBackend {
         }
         Ok(report)
     }
+}
+
+impl Backend for CpuBackend {
+    fn name(&self) -> String {
+        "cpu".into()
+    }
+
+    fn reserve(&mut self, _: usize) -> Result<usize> {
+        Ok(usize::MAX)
+    }
+
+    fn follow(&mut self, scene: &Scene<'_>, changes: &Changes<'_>) -> Result<()> {
+        self.rows.resize(scene.topology.rows());
+        self.rows.reset(changes.voided);
+        Ok(())
+    }
+
+    fn train(&mut self, scene: &Scene<'_>, work: &Work<'_>) -> Result<()> {
+        let start = Instant::now();
+        let host = Host { nodes: scene.topology, prior: scene.prior };
+        let mut report = WorkReport::default();
+        let mut labels = Duration::ZERO;
+        for step in 0..work.steps {
+            let begin = Instant::now();
+            let plan = RayPlan { step: work.plan.step.wrapping_add(step), ..work.plan };
+            let batch = sample(&plan, work.frames, scene.topology, scene.surface, &self.pool);
+            labels += begin.elapsed();
+            report.step = self.step(&host, &batch, &work.parameters)?;
+            report.rays += plan.rays;
+        }
+        report.took = start.elapsed();
+        let ms = |time: Duration| time.as_secs_f32() * 1e3;
+        report.passes = vec![("labels", ms(labels)), ("train", ms(report.took - labels))];
+        self.report = Some(report);
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        Ok(())
+    }
+
+    fn report(&mut self) -> Option<WorkReport> {
+        self.report.take()
+    }
 
     fn read_changed(&mut self, visit: &mut dyn FnMut(u32, &LearnedRow)) {
         self.rows.read_changed(visit);
@@ -264,13 +308,13 @@ impl<N: NodeSource + Sync> Backend<N> for CpuBackend {
         self.decoders.clone()
     }
 
-    fn export(&self) -> BackendState {
-        BackendState {
+    fn export(&self) -> Result<BackendState> {
+        Ok(BackendState {
             learned: self.rows.learned.clone(),
             moments: self.rows.moments.clone(),
             sdf: self.sdf_memory.export(&self.decoders.sdf),
             occupancy: self.occupancy_memory.export(&self.decoders.occupancy),
-        }
+        })
     }
 
     fn import(&mut self, state: BackendState) -> Result<()> {

@@ -137,6 +137,11 @@ impl Decoder {
         self.shape
     }
 
+    /// The factor s.
+    pub fn scale(&self) -> f32 {
+        self.scale
+    }
+
     /// The weights in the order of [`Shape::weights`].
     pub fn weights(&self) -> &[f32] {
         &self.weights[..self.shape.weights()]

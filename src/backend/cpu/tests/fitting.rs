@@ -16,13 +16,13 @@ fn read(prior: &[f32; 4], learned: &LearnedRow) -> Row {
 
 /// Mean |f − truth| of the trained field near the box, m.
 fn error_of(tree: &mut Tree, prior: &[[f32; 4]], backend: &mut CpuBackend) -> f64 {
-    Backend::<Tree>::read_changed(backend, &mut |row, values| {
+    Backend::read_changed(backend, &mut |row, values| {
         let row = row as usize;
         tree.rows[row] = read(&prior[row], values);
     });
     let test = samples_of(box_distance, 4000, 999);
     let mut found = vec![0.0; test.points.len()];
-    let decoders = Backend::<Tree>::decoders(backend);
+    let decoders = Backend::decoders(backend);
     let answers = Answers { distance: &mut found, ..Answers::default() };
     evaluate(tree, &decoders, &test.points, answers);
     let errors = found.iter().zip(&test.distances).map(|(f, y)| f64::from((f - y).abs()));
@@ -65,13 +65,13 @@ fn the_paper_start_learns_a_sphere_from_zero() {
         let report = backend.step(&host, &samples_of(sphere, 2000, round), &p).expect("valid");
         assert!(report.losses.total.is_finite());
     }
-    Backend::<Tree>::read_changed(&mut backend, &mut |row, values| {
+    Backend::read_changed(&mut backend, &mut |row, values| {
         tree.rows[row as usize] = read(&[0.0; 4], values);
     });
     let test = samples_of(sphere, 2000, 999);
     let count = test.points.len();
     let (mut distance, mut occupancy) = (vec![0.0; count], vec![0.0; count]);
-    let decoders = Backend::<Tree>::decoders(&backend);
+    let decoders = Backend::decoders(&backend);
     let answers =
         Answers { distance: &mut distance, occupancy: &mut occupancy, ..Answers::default() };
     evaluate(&tree, &decoders, &test.points, answers);
@@ -98,7 +98,7 @@ fn the_trainer_and_the_read_out_evaluate_the_same_field() {
             tree.rows[row] = read(&prior[row], learned);
         }
         let mut batch = rough_batch(100);
-        let decoders = Backend::<Tree>::decoders(&backend);
+        let decoders = Backend::decoders(&backend);
         let answers = Answers { distance: &mut batch.distances, ..Answers::default() };
         evaluate(&tree, &decoders, &batch.points, answers);
         let host = Host { nodes: &tree, prior: &prior };

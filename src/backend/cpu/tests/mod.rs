@@ -18,17 +18,17 @@ use crate::modality::losses::{LossWeights, Stencil};
 use crate::modality::test_tree::Tree;
 use crate::train::SampleKind;
 
-fn config(profile: Profile) -> MapConfig {
+pub(in crate::backend) fn config(profile: Profile) -> MapConfig {
     let settings = MapSettings { profile, seed: 3, ..MapSettings::default() };
     MapConfig::from_settings(&settings).expect("valid settings")
 }
 
-fn backend(profile: Profile, threads: usize) -> CpuBackend {
+pub(in crate::backend) fn backend(profile: Profile, threads: usize) -> CpuBackend {
     let pool = ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     CpuBackend::new(&config(profile), Arc::new(pool)).expect("a valid configuration")
 }
 
-fn parameters(stencil: Stencil) -> StepParameters {
+pub(in crate::backend) fn parameters(stencil: Stencil) -> StepParameters {
     StepParameters {
         rate: 1e-3,
         occupancy_rate: 1e-2,
@@ -40,16 +40,16 @@ fn parameters(stencil: Stencil) -> StepParameters {
 
 /// 0.8 m around the origin in 0.1 m voxels, but one octant stays 0.4 m, so that stencils cross
 /// between sizes.
-fn mixed_tree(field: impl Fn(Vec3) -> [f32; 4]) -> Tree {
+pub(in crate::backend) fn mixed_tree(field: impl Fn(Vec3) -> [f32; 4]) -> Tree {
     Tree::new(3, 0.1, |min, size| size > 0.4 || min.min_element() < 0.0, field)
 }
 
-fn random(stream: u32, i: usize) -> [f32; 4] {
+pub(in crate::backend) fn random(stream: u32, i: usize) -> [f32; 4] {
     pcg4d([77, stream, 0, i as u32]).map(|w| 2.0 * unit(w) - 1.0)
 }
 
 /// Samples off every kink: labels far from the field, gradients far from unit length.
-fn rough_batch(samples: usize) -> Batch {
+pub(in crate::backend) fn rough_batch(samples: usize) -> Batch {
     let mut batch = Batch::default();
     for i in 0..samples {
         let r = random(1, i);
@@ -63,7 +63,11 @@ fn rough_batch(samples: usize) -> Batch {
 }
 
 /// A backend whose rows and decoders are far from zero.
-fn rough_backend(profile: Profile, threads: usize, rows: usize) -> CpuBackend {
+pub(in crate::backend) fn rough_backend(
+    profile: Profile,
+    threads: usize,
+    rows: usize,
+) -> CpuBackend {
     let mut backend = backend(profile, threads);
     backend.rows.resize(rows);
     for (i, row) in backend.rows.learned.iter_mut().enumerate() {
@@ -75,9 +79,53 @@ fn rough_backend(profile: Profile, threads: usize, rows: usize) -> CpuBackend {
     backend
 }
 
-fn rough_prior(at: Vec3) -> [f32; 4] {
+pub(in crate::backend) fn rough_prior(at: Vec3) -> [f32; 4] {
     let g = Vec3::new(1.5, -1.2, 0.9);
     [0.02 + 0.3 * g.dot(at), g.x, g.y, g.z]
+}
+
+/// What the passes of a step find before anything is stepped, for whoever must find the same.
+pub(in crate::backend) struct Found {
+    /// Voxels of each sample of the batch and of its stencil.
+    pub(in crate::backend) sites: Vec<Site>,
+    /// Row, gradient, and whether a sample gathered its occupancy feature; rows ascending.
+    pub(in crate::backend) rows: Vec<(u32, [f32; RowMoments::COLUMNS], bool)>,
+    pub(in crate::backend) by_sdf_weights: Vec<f32>,
+    pub(in crate::backend) by_occupancy_weights: Vec<f32>,
+    pub(in crate::backend) report: StepReport,
+}
+
+/// The voxels of a sample, and of its stencil where it pays the Eikonal loss.
+pub(in crate::backend) type Site = (crate::octree::Found, Option<[crate::octree::Found; 6]>);
+
+pub(in crate::backend) fn found(
+    backend: &mut CpuBackend,
+    tree: &Tree,
+    batch: &Batch,
+    p: &StepParameters,
+) -> Found {
+    let host = Host { nodes: tree, prior: &tree.prior };
+    let report = backend.accumulate(&host, batch, p).expect("a valid batch");
+    let rows = backend.rows.gradients(&backend.outputs);
+    let site = |site: &super::plan::Site| (site.centre, site.eikonal.then_some(site.around));
+    Found {
+        sites: backend.plan.sites.iter().map(site).collect(),
+        rows: rows.into_iter().map(|(row, g)| (row, g.columns, g.occupied)).collect(),
+        by_sdf_weights: backend.sdf_memory.gradient.clone(),
+        by_occupancy_weights: backend.occupancy_memory.gradient.clone(),
+        report,
+    }
+}
+
+/// One step, on a tree instead of a scene.
+pub(in crate::backend) fn step(
+    backend: &mut CpuBackend,
+    tree: &Tree,
+    batch: &Batch,
+    p: &StepParameters,
+) -> StepReport {
+    let host = Host { nodes: tree, prior: &tree.prior };
+    backend.step(&host, batch, p).expect("a valid batch")
 }
 
 fn loss(backend: &mut CpuBackend, tree: &Tree, batch: &Batch, p: &StepParameters) -> f64 {

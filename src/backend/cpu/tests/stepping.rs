@@ -78,7 +78,7 @@ fn a_step_has_the_same_bits_on_any_number_of_threads() {
                 let report = backend.step(&host, &batch, &parameters(stencil)).expect("valid");
                 losses.push(report.losses);
             }
-            (losses, Backend::<Tree>::export(&backend))
+            (losses, Backend::export(&backend).expect("a state"))
         };
         let one = run(1);
         assert!(one.1.learned.iter().any(|row| row.sdf_feature[0] != 0.0));
@@ -127,18 +127,20 @@ fn a_state_resumes_bit_for_bit() {
     for round in 0..3 {
         first.step(&host, &batch(round), &p).expect("a valid batch");
     }
-    let state = Backend::<Tree>::export(&first);
+    let state = Backend::export(&first).expect("a state");
     let mut second = backend(Profile::Lite, 1);
-    Backend::<Tree>::import(&mut second, state.clone()).expect("a state of this shape");
+    Backend::import(&mut second, state.clone()).expect("a state of this shape");
     for round in 3..6 {
         let a = first.step(&host, &batch(round), &p).expect("a valid batch");
         let b = second.step(&host, &batch(round), &p).expect("a valid batch");
         assert_eq!(a, b);
     }
-    assert!(Backend::<Tree>::export(&first) == Backend::<Tree>::export(&second));
+    assert!(
+        Backend::export(&first).expect("a state") == Backend::export(&second).expect("a state")
+    );
 
     let mut full = backend(Profile::Full, 1);
-    let refused = Backend::<Tree>::import(&mut full, state);
+    let refused = Backend::import(&mut full, state);
     assert!(refused.is_err(), "weights of another shape");
 }
 
@@ -152,7 +154,7 @@ fn changed_rows_are_read_once_and_reset_rows_are_zero() {
     let report = backend.step(&host, &batch, &parameters(Stencil::Forward)).expect("valid");
     let read = |backend: &mut CpuBackend| {
         let mut rows = Vec::new();
-        Backend::<Tree>::read_changed(backend, &mut |row, values| rows.push((row, *values)));
+        Backend::read_changed(backend, &mut |row, values| rows.push((row, *values)));
         rows
     };
     let rows = read(&mut backend);
@@ -160,9 +162,9 @@ fn changed_rows_are_read_once_and_reset_rows_are_zero() {
     assert!(rows.is_sorted_by_key(|(row, _)| *row));
     assert!(read(&mut backend).is_empty());
     let some: Vec<u32> = rows.iter().take(5).map(|(row, _)| *row).collect();
-    Backend::<Tree>::reset(&mut backend, &some);
+    backend.rows.reset(&some);
     // Growth keeps what is there.
-    Backend::<Tree>::resize(&mut backend, tree.rows.len() * 2);
+    backend.rows.resize(tree.rows.len() * 2);
     let after = read(&mut backend);
     assert_eq!(after.iter().map(|(row, _)| *row).collect::<Vec<_>>(), some);
     assert!(after.iter().all(|(_, values)| *values == LearnedRow::default()));

@@ -1,0 +1,87 @@
+//! What host and shaders share, in the host's words; a test holds it against the shaders.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::backend::{LearnedRow, RowMoments};
+use crate::modality::{OCCUPANCY_FEATURES, SDF_FEATURES};
+use crate::octree::Found;
+
+/// No voxel, no row, no kind of sample.
+pub(super) const NONE: u32 = u32::MAX;
+/// Quads of a learned row.
+pub(super) const ROW_QUADS: usize = (SDF_FEATURES + OCCUPANCY_FEATURES + 4) / 4;
+/// Losses, in the order in which shaders sum them.
+pub(super) const LOSSES: usize = 8;
+
+/// The learned columns of a row: residual feature, occupancy feature, explicit.
+pub(super) type RowColumns = [f32; 4 * ROW_QUADS];
+
+const _: () = assert!(4 * ROW_QUADS == RowMoments::COLUMNS);
+
+/// A learned row as shaders have it.
+pub(super) fn columns(row: &LearnedRow) -> RowColumns {
+    let mut columns = [0.0; 4 * ROW_QUADS];
+    let (sdf, rest) = columns.split_at_mut(SDF_FEATURES);
+    let (occupancy, explicit) = rest.split_at_mut(OCCUPANCY_FEATURES);
+    sdf.copy_from_slice(&row.sdf_feature);
+    occupancy.copy_from_slice(&row.occupancy_feature);
+    explicit.copy_from_slice(&row.explicit);
+    columns
+}
+
+/// A learned row as the host has it.
+pub(super) fn learned_row(columns: &RowColumns) -> LearnedRow {
+    let mut row = LearnedRow::default();
+    let (sdf, rest) = columns.split_at(SDF_FEATURES);
+    let (occupancy, explicit) = rest.split_at(OCCUPANCY_FEATURES);
+    row.sdf_feature.copy_from_slice(sdf);
+    row.occupancy_feature.copy_from_slice(occupancy);
+    row.explicit.copy_from_slice(explicit);
+    row
+}
+
+/// A voxel in one word.
+pub(super) fn pack_voxel(found: Found) -> u32 {
+    if found.is_some() { found.node << 5 | u32::from(found.log2_size) } else { NONE }
+}
+
+/// The numbers of one step; `Step` in shaders/lib/step.wgsl says what they are.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Step {
+    pub(super) root_min: [i32; 3],
+    pub(super) root_node: u32,
+    pub(super) unit_m: f32,
+    pub(super) root_log2: u32,
+    pub(super) rows: u32,
+    pub(super) samples: u32,
+    pub(super) distance_weights: [f32; 3],
+    pub(super) occupancy_weight: f32,
+    pub(super) eikonal_weights: [f32; 3],
+    pub(super) consistency_weight: f32,
+    pub(super) rate: f32,
+    pub(super) occupancy_rate: f32,
+    pub(super) decoder_rate: f32,
+    pub(super) gradient_scale: f32,
+}
+
+/// A labelled point.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Sample {
+    pub(super) point: [f32; 3],
+    pub(super) distance: f32,
+    pub(super) occupancy: f32,
+    pub(super) kind: u32,
+    pub(super) eikonal: u32,
+    pub(super) padding: u32,
+}
+
+/// The voxels of a sample and of its stencil.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Site {
+    pub(super) centre: u32,
+    pub(super) around: [u32; 6],
+    pub(super) padding: u32,
+}

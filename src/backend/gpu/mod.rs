@@ -1,0 +1,353 @@
+//! The GPU trainer: what is learned lies in pools on the GPU, and wgpu kernels train it.
+//!
+//! The host keeps topology, surface and prior; the GPU has a copy that follows by deltas
+//! (`mirror`). A step is five kinds of passes (`training`); what they changed comes back in one
+//! readback a call (`readback`). Gradients of rows are summed in fixed point and those of decoders
+//! by lanes in a fixed order, so that a step has the same bits whenever it runs on one adapter.
+
+mod decoder;
+mod device;
+mod kernel;
+mod layout;
+mod mirror;
+mod passes;
+mod pool;
+mod readback;
+mod rows;
+mod shader;
+#[cfg(test)]
+mod tests;
+mod training;
+
+use std::sync::Arc;
+
+use rayon::ThreadPool;
+use rustc_hash::FxHashMap;
+
+use self::decoder::GpuDecoder;
+pub use self::device::Adapters;
+use self::device::Gpu;
+use self::mirror::Mirror;
+use self::passes::{Clock, Passes};
+use self::readback::{Collector, Readback, Results, Sources};
+use self::rows::Rows;
+use self::training::{Model, Training};
+use super::{
+    Backend, BackendState, Changes, DecoderState, LearnedRow, Losses, MAX_SAMPLES, Scene,
+    StepParameters, StepReport, Work, WorkReport,
+};
+use crate::config::MapConfig;
+use crate::error::{Error, Result};
+use crate::modality::decoder::Decoder;
+use crate::modality::{Decoders, occupancy, sdf};
+use crate::octree::NodeSource;
+use crate::train::{RayPlan, sample};
+
+/// Rows that one frame can add: there is always room for this many, below the budget.
+const HEADROOM: u64 = 1 << 17;
+
+/// Trains on a GPU.
+pub struct GpuBackend {
+    gpu: Gpu,
+    clock: Option<Arc<Clock>>,
+    /// Draws samples.
+    pool: Arc<ThreadPool>,
+    mirror: Mirror,
+    rows: Rows,
+    sdf: GpuDecoder,
+    occupancy: Option<GpuDecoder>,
+    training: Training,
+    collector: Collector,
+    /// Rows of the scene.
+    rows_used: usize,
+    /// Most rows, by the memory budget.
+    most_rows: u64,
+    under_way: Option<Readback>,
+    /// Whether the last readback had no room for all rows.
+    more: bool,
+    submissions: u64,
+    heard: Heard,
+}
+
+/// What has come back and was not asked for yet.
+struct Heard {
+    decoders: Arc<Decoders>,
+    rows: Vec<(u32, LearnedRow)>,
+    /// Rows that were voided, and after which submission.
+    voided: FxHashMap<u32, u64>,
+    report: Option<WorkReport>,
+    /// Saturated sums so far.
+    saturated: u32,
+}
+
+impl GpuBackend {
+    /// A backend without rows on the best adapter, which takes up to `memory_mib` of its memory for
+    /// rows; decoders start from the configuration's seed.
+    pub fn new(
+        config: &MapConfig,
+        adapters: Adapters,
+        memory_mib: u32,
+        pool: Arc<ThreadPool>,
+    ) -> Result<Self> {
+        let gpu = Gpu::open(adapters)?;
+        let decoders = Decoders {
+            sdf: sdf::decoder(&config.hidden, config.seed)?,
+            occupancy: occupancy::decoder(config.seed)?,
+        };
+        let sdf = GpuDecoder::new(&gpu, "sdf", &decoders.sdf)?;
+        let has_occupancy = config.has("occupancy");
+        let occupancy = has_occupancy
+            .then(|| GpuDecoder::new(&gpu, "occupancy", &decoders.occupancy))
+            .transpose()?;
+        Ok(Self {
+            clock: Clock::new(&gpu)?.map(Arc::new),
+            mirror: Mirror::new(&gpu)?,
+            rows: Rows::new(&gpu)?,
+            training: Training::new(&gpu, &sdf, occupancy.as_ref())?,
+            collector: Collector::new(&gpu)?,
+            sdf,
+            occupancy,
+            pool,
+            rows_used: 0,
+            most_rows: (u64::from(memory_mib) << 20) / Rows::ROW_BYTES,
+            under_way: None,
+            more: false,
+            submissions: 0,
+            heard: Heard {
+                decoders: Arc::new(decoders),
+                rows: Vec::new(),
+                voided: FxHashMap::default(),
+                report: None,
+                saturated: 0,
+            },
+            gpu,
+        })
+    }
+
+    /// Waits for what is under way and takes note of its results.
+    fn hear(&mut self) -> Result<()> {
+        let Some(readback) = self.under_way.take() else { return Ok(()) };
+        let (number, rays, submitted) = (readback.number, readback.rays, readback.submitted);
+        let results = readback.wait(&self.gpu, self.clock.as_deref())?;
+        self.collector.learn(&results);
+        let heard = &mut self.heard;
+        for (row, columns) in &results.rows {
+            // What was voided later is zero, whatever was learned before.
+            if heard.voided.get(row).is_none_or(|&after| after < number) {
+                heard.rows.push((*row, layout::learned_row(columns)));
+            }
+        }
+        heard.voided.retain(|_, after| *after > number);
+        if results.saturated > heard.saturated {
+            let sums = results.saturated - heard.saturated;
+            tracing::warn!(sums, "gradients came near the end of their range");
+            heard.saturated = results.saturated;
+        }
+        let decoders = Arc::make_mut(&mut heard.decoders);
+        decoders.sdf.update(|weights| weights.copy_from_slice(&results.sdf));
+        if self.occupancy.is_some() {
+            decoders.occupancy.update(|weights| weights.copy_from_slice(&results.occupancy));
+        }
+        let step = report(&results);
+        let gpu_ms: f32 = results.passes.iter().map(|(_, ms)| ms).sum();
+        let took = match &self.clock {
+            Some(_) => std::time::Duration::from_secs_f32(gpu_ms * 1e-3),
+            None => submitted.elapsed(),
+        };
+        heard.report = Some(WorkReport { step, rays, took, passes: results.passes });
+        self.more = results.more;
+        Ok(())
+    }
+
+    /// Submits recorded passes and asks for what they change.
+    fn submit(&mut self, passes: Passes, rays: u32) -> Result<()> {
+        self.submissions += 1;
+        let sources = Sources {
+            rows: &self.rows,
+            counts: &self.training.counts,
+            sdf: &self.sdf,
+            occupancy: self.occupancy.as_ref(),
+        };
+        let readback =
+            self.collector.submit(&self.gpu, passes, &sources, self.submissions, rays)?;
+        self.under_way = Some(readback);
+        self.gpu.check()
+    }
+
+    /// Sets the numbers of a step on the first `samples` samples, which are on the GPU.
+    fn set(&self, nodes: &impl NodeSource, samples: u32, parameters: &StepParameters) {
+        let root = (nodes.root(), nodes.unit_m());
+        self.training.set(&self.gpu, root, self.rows_used as u32, samples, parameters);
+    }
+
+    fn model(&self) -> Model<'_> {
+        Model {
+            mirror: &self.mirror,
+            rows: &self.rows,
+            sdf: &self.sdf,
+            occupancy: self.occupancy.as_ref(),
+        }
+    }
+}
+
+/// What the host reports of a step.
+fn report(results: &Results) -> StepReport {
+    let [free, perturbed, surface, free_eikonal, perturbed_eikonal, surface_eikonal] =
+        results.counts.map(|count| count as usize);
+    let mean = |sum: f32, count: usize| f64::from(sum) / count.max(1) as f64;
+    let samples = free + perturbed + surface;
+    let sums = &results.losses;
+    StepReport {
+        losses: Losses {
+            boundary: mean(sums[0], surface),
+            perturbation: mean(sums[1], perturbed),
+            projection: mean(sums[2], free),
+            eikonal_surface: mean(sums[3], perturbed_eikonal + surface_eikonal),
+            eikonal_space: mean(sums[4], free_eikonal),
+            occupancy: mean(sums[5], samples),
+            consistency: mean(sums[6], free + perturbed),
+            total: f64::from(sums[7]),
+        },
+        samples,
+        rows: results.touched as usize,
+    }
+}
+
+impl Backend for GpuBackend {
+    fn name(&self) -> String {
+        format!("gpu: {}", self.gpu.info.name)
+    }
+
+    fn reserve(&mut self, rows: usize) -> Result<usize> {
+        let wanted = (rows as u64 + HEADROOM).min(self.most_rows).max(rows as u64);
+        if wanted > self.rows.capacity() {
+            // Twice as much as there was, so that growing costs little for each row.
+            let doubled = (2 * self.rows.capacity()).clamp(wanted, self.most_rows.max(wanted));
+            let grown = self
+                .rows
+                .reserve(&self.gpu, doubled)
+                .and_then(|()| self.mirror.prior.grow(&self.gpu, doubled + 1));
+            match grown {
+                Err(Error::ResourceExhausted { what, limit }) => {
+                    tracing::warn!(%what, %limit, "no more rows on the GPU");
+                    self.most_rows = self.room();
+                }
+                other => other?,
+            }
+        }
+        Ok(self.room() as usize)
+    }
+
+    fn follow(&mut self, scene: &Scene<'_>, changes: &Changes<'_>) -> Result<()> {
+        self.rows_used = scene.topology.rows();
+        self.mirror.reserve_nodes(&self.gpu, scene.topology.node_slots() as u64)?;
+        let mut passes = Passes::new(&self.gpu, None);
+        self.mirror.follow(&self.gpu, &mut passes, (scene.topology, scene.prior), changes)?;
+        self.rows.clear(&self.gpu, &mut passes, changes.voided)?;
+        self.gpu.queue.submit([passes.encoder.finish()]);
+        for &row in changes.voided {
+            self.heard.voided.insert(row, self.submissions);
+            self.heard.rows.push((row, LearnedRow::default()));
+        }
+        self.gpu.check()
+    }
+
+    fn train(&mut self, scene: &Scene<'_>, work: &Work<'_>) -> Result<()> {
+        self.hear()?;
+        let mut rays = 0;
+        for step in 0..work.steps {
+            let plan = RayPlan { step: work.plan.step.wrapping_add(step), ..work.plan };
+            let batch = sample(&plan, work.frames, scene.topology, scene.surface, &self.pool);
+            let samples = batch.points.len().min(MAX_SAMPLES) as u32;
+            self.training.upload(&self.gpu, &batch)?;
+            rays += plan.rays;
+            let mut passes = Passes::new(&self.gpu, self.clock.clone());
+            self.set(scene.topology, samples, &work.parameters);
+            let (model, stencil) = (self.model(), work.parameters.stencil);
+            self.training.accumulate(&self.gpu, &mut passes, &model, stencil, samples)?;
+            self.training.optimise(&self.gpu, &mut passes, &model, stencil, samples)?;
+            if step + 1 < work.steps {
+                self.gpu.queue.submit([passes.encoder.finish()]);
+            } else {
+                self.submit(passes, rays)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.hear()?;
+        while self.more {
+            self.submit(Passes::new(&self.gpu, None), 0)?;
+            self.hear()?;
+        }
+        Ok(())
+    }
+
+    fn report(&mut self) -> Option<WorkReport> {
+        self.heard.report.take()
+    }
+
+    fn read_changed(&mut self, visit: &mut dyn FnMut(u32, &LearnedRow)) {
+        // Of a row that came more than once the newest counts.
+        let mut rows = std::mem::take(&mut self.heard.rows);
+        rows.sort_by_key(|(row, _)| *row);
+        for same in rows.chunk_by(|a, b| a.0 == b.0) {
+            if let Some((row, learned)) = same.last() {
+                visit(*row, learned);
+            }
+        }
+    }
+
+    fn decoders(&self) -> Arc<Decoders> {
+        self.heard.decoders.clone()
+    }
+
+    fn export(&self) -> Result<BackendState> {
+        let (learned, moments) = self.rows.export(&self.gpu, self.rows_used)?;
+        let occupancy = match &self.occupancy {
+            Some(decoder) => decoder.export(&self.gpu)?,
+            None => untrained(&self.heard.decoders.occupancy),
+        };
+        Ok(BackendState { learned, moments, sdf: self.sdf.export(&self.gpu)?, occupancy })
+    }
+
+    fn import(&mut self, state: BackendState) -> Result<()> {
+        if state.learned.len() != state.moments.len() || state.learned.len() != self.rows_used {
+            return Err(Error::corrupt("backend state", "rows and moments differ in number"));
+        }
+        self.sdf.check(&state.sdf)?;
+        if let Some(decoder) = &self.occupancy {
+            decoder.check(&state.occupancy)?;
+        }
+        self.finish()?;
+        self.rows.import(&self.gpu, &state.learned, &state.moments);
+        self.sdf.import(&self.gpu, &state.sdf);
+        let decoders = Arc::make_mut(&mut self.heard.decoders);
+        decoders.sdf.update(|weights| weights.copy_from_slice(&state.sdf.weights));
+        if let Some(decoder) = &self.occupancy {
+            decoder.import(&self.gpu, &state.occupancy);
+            decoders.occupancy.update(|weights| weights.copy_from_slice(&state.occupancy.weights));
+        }
+        self.heard.rows = (0..).zip(state.learned).collect();
+        self.gpu.check()
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        self.rows.bytes()
+    }
+}
+
+impl GpuBackend {
+    /// Rows that there is room for.
+    fn room(&self) -> u64 {
+        self.rows.capacity().min(self.mirror.prior.capacity())
+    }
+}
+
+/// The state of a decoder that is not trained.
+fn untrained(decoder: &Decoder) -> DecoderState {
+    let zeros = vec![0.0; decoder.weights().len()];
+    let weights = decoder.weights().to_vec();
+    DecoderState { weights, first: zeros.clone(), second: zeros, steps: 0 }
+}

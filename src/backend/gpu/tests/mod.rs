@@ -1,0 +1,44 @@
+//! Every kernel against its twin on the CPU, on whatever adapter there is: no adapter is a failure.
+
+mod shaders;
+mod twins;
+
+use super::*;
+use crate::backend::cpu::tests as twin;
+use crate::config::Profile;
+use crate::modality::test_tree::Tree;
+use crate::train::Batch;
+
+/// A backend on any adapter, with the rows and decoders of a CPU backend.
+fn like(cpu: &crate::backend::CpuBackend, profile: Profile, tree: &Tree) -> GpuBackend {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    let mut gpu = GpuBackend::new(&twin::config(profile), Adapters::Any, 1024, Arc::new(pool))
+        .expect("an adapter: tests need a Vulkan driver, software will do");
+    gpu.reserve(tree.rows.len()).expect("room");
+    gpu.rows_used = tree.rows.len();
+    gpu.mirror.reserve_nodes(&gpu.gpu, tree.node_slots() as u64).expect("room");
+    let nodes: Vec<u32> = (0..tree.node_slots() as u32).collect();
+    let rows: Vec<u32> = (0..tree.rows.len() as u32).collect();
+    let changes = Changes { nodes: &nodes, rows: &rows, voided: &[] };
+    let mut passes = Passes::new(&gpu.gpu, None);
+    let source = (tree, &tree.prior[..]);
+    gpu.mirror.follow(&gpu.gpu, &mut passes, source, &changes).expect("room");
+    gpu.gpu.queue.submit([passes.encoder.finish()]);
+    gpu.import(cpu.export().expect("a state")).expect("a state of this shape");
+    gpu
+}
+
+/// Runs the passes that find losses and gradients, and then, if asked to, those that step.
+fn run(gpu: &mut GpuBackend, tree: &Tree, batch: &Batch, p: &StepParameters, step: bool) {
+    let samples = batch.points.len() as u32;
+    gpu.training.upload(&gpu.gpu, batch).expect("room");
+    gpu.set(tree, samples, p);
+    let mut passes = Passes::new(&gpu.gpu, None);
+    let model = gpu.model();
+    gpu.training.accumulate(&gpu.gpu, &mut passes, &model, p.stencil, samples).expect("passes");
+    if step {
+        gpu.training.optimise(&gpu.gpu, &mut passes, &model, p.stencil, samples).expect("passes");
+    }
+    gpu.submit(passes, 0).expect("a device");
+    gpu.hear().expect("results");
+}
