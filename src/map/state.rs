@@ -77,9 +77,13 @@ impl Mapper {
         let scene = scene(&mapper.config, &mapper.topology, &mapper.surface, &mapper.no_prior);
         let (nodes, rows) = (&mapper.changed_nodes[..], &mapper.changed_rows[..]);
         mapper.backend.reserve(rows.len())?;
-        mapper.backend.follow(&scene, &Changes { nodes, rows, voided: &[] })?;
+        let surfels: Vec<u32> = (0..mapper.surface.surfels.slots() as u32).collect();
+        let bricks: Vec<u32> = (0..mapper.surface.evidence.bricks() as u32).collect();
+        let everything =
+            Changes { nodes, rows, measured: rows, surfels: &surfels, bricks: &bricks, voided: &[] };
+        mapper.backend.follow(&scene, &everything)?;
         mapper.backend.import(state.backend)?;
-        mapper.changed_bricks = (0..mapper.surface.evidence.bricks() as u32).collect();
+        mapper.changed_bricks = bricks;
         Ok(mapper)
     }
 }

@@ -19,7 +19,7 @@ fn like(cpu: &crate::backend::CpuBackend, profile: Profile, tree: &Tree) -> GpuB
     gpu.mirror.reserve_nodes(&gpu.gpu, tree.node_slots() as u64).expect("room");
     let nodes: Vec<u32> = (0..tree.node_slots() as u32).collect();
     let rows: Vec<u32> = (0..tree.rows.len() as u32).collect();
-    let changes = Changes { nodes: &nodes, rows: &rows, voided: &[] };
+    let changes = Changes { nodes: &nodes, rows: &rows, ..Changes::default() };
     let mut passes = Passes::new(&gpu.gpu, None);
     let source = (tree, &tree.prior[..]);
     gpu.mirror.follow(&gpu.gpu, &mut passes, source, &changes).expect("room");
