@@ -79,8 +79,14 @@ impl Mapper {
         mapper.backend.reserve(rows.len())?;
         let surfels: Vec<u32> = (0..mapper.surface.surfels.slots() as u32).collect();
         let bricks: Vec<u32> = (0..mapper.surface.evidence.bricks() as u32).collect();
-        let everything =
-            Changes { nodes, rows, measured: rows, surfels: &surfels, bricks: &bricks, voided: &[] };
+        let everything = Changes {
+            nodes,
+            rows,
+            measured: rows,
+            surfels: &surfels,
+            bricks: &bricks,
+            voided: &[],
+        };
         mapper.backend.follow(&scene, &everything)?;
         mapper.backend.import(state.backend)?;
         mapper.changed_bricks = bricks;

@@ -11,13 +11,17 @@ mod kernel;
 mod layout;
 mod mirror;
 mod passes;
+mod pixels;
 mod pool;
 mod readback;
 mod rows;
+mod sampling;
 mod shader;
+mod surface;
 #[cfg(test)]
 mod tests;
 mod training;
+mod writes;
 
 use std::sync::Arc;
 
@@ -31,17 +35,19 @@ use self::mirror::Mirror;
 use self::passes::{Clock, Passes};
 use self::readback::{Collector, Readback, Results, Sources};
 use self::rows::Rows;
+use self::sampling::Sampling;
+use self::surface::SurfaceMirror;
 use self::training::{Model, Training};
+use self::writes::{Writer, Writes};
 use super::{
-    Backend, BackendState, Changes, DecoderState, LearnedRow, Losses, MAX_SAMPLES, Scene,
-    StepParameters, StepReport, Work, WorkReport,
+    Backend, BackendState, Changes, DecoderState, LearnedRow, Losses, Scene, StepParameters,
+    StepReport, Work, WorkReport,
 };
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::modality::decoder::Decoder;
 use crate::modality::{Decoders, occupancy, sdf};
 use crate::octree::NodeSource;
-use crate::train::{RayPlan, sample};
 
 /// Rows that one frame can add: there is always room for this many, below the budget.
 const HEADROOM: u64 = 1 << 17;
@@ -52,10 +58,13 @@ pub struct GpuBackend {
     clock: Option<Arc<Clock>>,
     /// Draws samples.
     pool: Arc<ThreadPool>,
+    writer: Writer,
     mirror: Mirror,
+    surface: SurfaceMirror,
     rows: Rows,
     sdf: GpuDecoder,
     occupancy: Option<GpuDecoder>,
+    sampling: Sampling,
     training: Training,
     collector: Collector,
     /// Rows of the scene.
@@ -101,7 +110,10 @@ impl GpuBackend {
             .transpose()?;
         Ok(Self {
             clock: Clock::new(&gpu)?.map(Arc::new),
+            writer: Writer::new(&gpu)?,
             mirror: Mirror::new(&gpu)?,
+            surface: SurfaceMirror::new(&gpu)?,
+            sampling: Sampling::new(&gpu, config)?,
             rows: Rows::new(&gpu)?,
             training: Training::new(&gpu, &sdf, occupancy.as_ref())?,
             collector: Collector::new(&gpu)?,
@@ -226,7 +238,8 @@ impl Backend for GpuBackend {
             let grown = self
                 .rows
                 .reserve(&self.gpu, doubled)
-                .and_then(|()| self.mirror.prior.grow(&self.gpu, doubled + 1));
+                .and_then(|()| self.mirror.prior.grow(&self.gpu, doubled + 1))
+                .and_then(|()| self.surface.anchors.grow(&self.gpu, doubled + 1));
             match grown {
                 Err(Error::ResourceExhausted { what, limit }) => {
                     tracing::warn!(%what, %limit, "no more rows on the GPU");
@@ -241,8 +254,12 @@ impl Backend for GpuBackend {
     fn follow(&mut self, scene: &Scene<'_>, changes: &Changes<'_>) -> Result<()> {
         self.rows_used = scene.topology.rows();
         self.mirror.reserve_nodes(&self.gpu, scene.topology.node_slots() as u64)?;
+        self.surface.reserve(&self.gpu, scene.surface)?;
+        let mut writes = Writes::default();
+        self.mirror.follow(&mut writes, (scene.topology, scene.prior), changes);
+        self.surface.follow(&mut writes, scene.surface, changes);
         let mut passes = Passes::new(&self.gpu, None);
-        self.mirror.follow(&self.gpu, &mut passes, (scene.topology, scene.prior), changes)?;
+        self.writer.record(&self.gpu, &mut passes, writes)?;
         self.rows.clear(&self.gpu, &mut passes, changes.voided)?;
         self.gpu.queue.submit([passes.encoder.finish()]);
         for &row in changes.voided {
@@ -254,25 +271,21 @@ impl Backend for GpuBackend {
 
     fn train(&mut self, scene: &Scene<'_>, work: &Work<'_>) -> Result<()> {
         self.hear()?;
-        let mut rays = 0;
+        if work.steps == 0 {
+            return Ok(());
+        }
+        let samples = self.sampling.prepare(&self.gpu, scene.surface, work)?;
+        self.training.reserve(&self.gpu, samples.into())?;
+        self.set(scene.topology, samples, &work.parameters);
+        let mut passes = Passes::new(&self.gpu, self.clock.clone());
+        let (model, stencil) = (self.model(), work.parameters.stencil);
         for step in 0..work.steps {
-            let plan = RayPlan { step: work.plan.step.wrapping_add(step), ..work.plan };
-            let batch = sample(&plan, work.frames, scene.topology, scene.surface, &self.pool);
-            let samples = batch.points.len().min(MAX_SAMPLES) as u32;
-            self.training.upload(&self.gpu, &batch)?;
-            rays += plan.rays;
-            let mut passes = Passes::new(&self.gpu, self.clock.clone());
-            self.set(scene.topology, samples, &work.parameters);
-            let (model, stencil) = (self.model(), work.parameters.stencil);
+            let (surface, draw) = ((&model, &self.surface), (&self.sampling, step));
+            self.training.draw(&self.gpu, &mut passes, surface, draw, samples)?;
             self.training.accumulate(&self.gpu, &mut passes, &model, stencil, samples)?;
             self.training.optimise(&self.gpu, &mut passes, &model, stencil, samples)?;
-            if step + 1 < work.steps {
-                self.gpu.queue.submit([passes.encoder.finish()]);
-            } else {
-                self.submit(passes, rays)?;
-            }
         }
-        Ok(())
+        self.submit(passes, work.plan.rays.saturating_mul(work.steps))
     }
 
     fn finish(&mut self) -> Result<()> {
@@ -341,7 +354,8 @@ impl Backend for GpuBackend {
 impl GpuBackend {
     /// Rows that there is room for.
     fn room(&self) -> u64 {
-        self.rows.capacity().min(self.mirror.prior.capacity())
+        let pools = [self.mirror.prior.capacity(), self.surface.anchors.capacity()];
+        pools.into_iter().fold(self.rows.capacity(), u64::min)
     }
 }
 

@@ -1,4 +1,4 @@
-//! The passes of one step: locate, occupancy, distance, rows, decoders.
+//! The passes of one step: sample, locate, occupancy, distance, rows, decoders.
 
 use super::decoder::GpuDecoder;
 use super::device::Gpu;
@@ -8,11 +8,14 @@ use super::mirror::Mirror;
 use super::passes::Passes;
 use super::pool::Pool;
 use super::rows::Rows;
+use super::sampling::Sampling;
 use super::shader::Constant;
+use super::surface::SurfaceMirror;
 use crate::backend::StepParameters;
 use crate::error::Result;
 use crate::modality::losses::Stencil;
 use crate::octree::Root;
+#[cfg(test)]
 use crate::train::Batch;
 
 /// Points of a tile of the fused kernels.
@@ -87,6 +90,7 @@ impl Training {
     }
 
     /// Brings a batch to the GPU.
+    #[cfg(test)]
     pub(super) fn upload(&mut self, gpu: &Gpu, batch: &Batch) -> Result<()> {
         let sample = |i: usize| Sample {
             point: batch.points[i].to_array(),
@@ -137,6 +141,28 @@ impl Training {
             gradient_scale: samples.max(1).next_power_of_two() as f32,
         };
         gpu.write(&self.step, &[step]);
+    }
+
+    /// Records the pass that draws and labels the samples of a step of the work in hand, in the first
+    /// `samples` slots.
+    pub(super) fn draw(
+        &self,
+        gpu: &Gpu,
+        passes: &mut Passes,
+        (model, surface): (&Model<'_>, &SurfaceMirror),
+        (sampling, step): (&Sampling, u32),
+        samples: u32,
+    ) -> Result<()> {
+        let mut buffers = self.buffers(model);
+        buffers.extend([
+            ("anchors", surface.anchors.binding()),
+            ("surfels", surface.surfels.binding()),
+            ("bricks", surface.bricks.binding()),
+            ("cells", surface.cells.binding()),
+        ]);
+        buffers.extend(sampling.buffers(step));
+        sampling.kernel.bind(gpu, &buffers)?.dispatch(passes, samples.div_ceil(64));
+        Ok(())
     }
 
     /// Records the passes that find losses and gradients of the first `samples` samples.

@@ -21,8 +21,9 @@ fn like(cpu: &crate::backend::CpuBackend, profile: Profile, tree: &Tree) -> GpuB
     let rows: Vec<u32> = (0..tree.rows.len() as u32).collect();
     let changes = Changes { nodes: &nodes, rows: &rows, ..Changes::default() };
     let mut passes = Passes::new(&gpu.gpu, None);
-    let source = (tree, &tree.prior[..]);
-    gpu.mirror.follow(&gpu.gpu, &mut passes, source, &changes).expect("room");
+    let mut writes = Writes::default();
+    gpu.mirror.follow(&mut writes, (tree, &tree.prior[..]), &changes);
+    gpu.writer.record(&gpu.gpu, &mut passes, writes).expect("room");
     gpu.gpu.queue.submit([passes.encoder.finish()]);
     gpu.import(cpu.export().expect("a state")).expect("a state of this shape");
     gpu

@@ -1,5 +1,6 @@
 //! All shaders compile, and mean the same by what they share with the host.
 
+use super::super::sampling;
 use super::super::shader::{self, Constant};
 
 /// Every kernel, with constants that it can be compiled with.
@@ -29,6 +30,7 @@ fn kernels() -> Vec<(&'static str, Vec<(&'static str, Constant)>)> {
         ("train/distance", distance(32, 0, 4, 0)),
         ("train/locate", vec![("POINTS", u(7))]),
         ("train/occupancy", decoder(8, 32, 0)),
+        ("train/sample", sampling::constants().to_vec()),
     ]
 }
 
