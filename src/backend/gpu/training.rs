@@ -1,4 +1,4 @@
-//! The passes of one step: sample, locate, occupancy, distance, rows, decoders.
+//! The passes of one step on samples: locate, occupancy, distance, rows, decoders.
 
 use super::decoder::GpuDecoder;
 use super::device::Gpu;
@@ -8,9 +8,7 @@ use super::mirror::Mirror;
 use super::passes::Passes;
 use super::pool::Pool;
 use super::rows::Rows;
-use super::sampling::Sampling;
 use super::shader::Constant;
-use super::surface::SurfaceMirror;
 use crate::backend::StepParameters;
 use crate::error::Result;
 use crate::modality::losses::Stencil;
@@ -39,7 +37,7 @@ pub(super) struct Training {
     occupancy: Option<Kernel>,
     distance: [Kernel; 2],
     rows: Kernel,
-    step: wgpu::Buffer,
+    pub(super) step: wgpu::Buffer,
     pub(super) samples: Pool,
     pub(super) sites: Pool,
     logits: Pool,
@@ -111,58 +109,6 @@ impl Training {
         self.samples.grow(gpu, samples)?;
         self.sites.grow(gpu, samples)?;
         self.logits.grow(gpu, samples)
-    }
-
-    /// Sets the numbers of the next step.
-    pub(super) fn set(
-        &self,
-        gpu: &Gpu,
-        (root, unit_m): (Option<Root>, f32),
-        rows: u32,
-        samples: u32,
-        parameters: &StepParameters,
-    ) {
-        let w = &parameters.weights;
-        let root = root.unwrap_or(Root { node: NONE, min: [0; 3], log2_size: 0 });
-        let step = Step {
-            root_min: root.min,
-            root_node: root.node,
-            unit_m,
-            root_log2: root.log2_size.into(),
-            rows,
-            samples,
-            distance_weights: [w.projection, w.perturbation, w.boundary],
-            occupancy_weight: w.occupancy,
-            eikonal_weights: [w.eikonal_space, w.eikonal_surface, w.eikonal_surface],
-            consistency_weight: w.consistency,
-            rate: parameters.rate,
-            occupancy_rate: parameters.occupancy_rate,
-            decoder_rate: parameters.decoder_rate,
-            gradient_scale: samples.max(1).next_power_of_two() as f32,
-        };
-        gpu.write(&self.step, &[step]);
-    }
-
-    /// Records the pass that draws and labels the samples of a step of the work in hand, in the first
-    /// `samples` slots.
-    pub(super) fn draw(
-        &self,
-        gpu: &Gpu,
-        passes: &mut Passes,
-        (model, surface): (&Model<'_>, &SurfaceMirror),
-        (sampling, step): (&Sampling, u32),
-        samples: u32,
-    ) -> Result<()> {
-        let mut buffers = self.buffers(model);
-        buffers.extend([
-            ("anchors", surface.anchors.binding()),
-            ("surfels", surface.surfels.binding()),
-            ("bricks", surface.bricks.binding()),
-            ("cells", surface.cells.binding()),
-        ]);
-        buffers.extend(sampling.buffers(step));
-        sampling.kernel.bind(gpu, &buffers)?.dispatch(passes, samples.div_ceil(64));
-        Ok(())
     }
 
     /// Records the passes that find losses and gradients of the first `samples` samples.
