@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::mapper::{MapStats, Mapper, scene};
+use super::mapper::{MapStats, Mapper};
 use super::robots::Robots;
 use super::view::{BRICKS, MapView, NODES, Node, ROWS, Store};
-use crate::backend::{BackendState, Changes};
+use crate::backend::{Backend, BackendState, CpuBackend};
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
@@ -74,11 +74,10 @@ impl Mapper {
         mapper.no_prior.resize(rows, [0.0; 4]);
         mapper.changed_rows = (0..rows as u32).collect();
         mapper.changed_nodes = mapper.topology.take_changed_nodes();
-        let scene = scene(&mapper.config, &mapper.topology, &mapper.surface, &mapper.no_prior);
-        let (nodes, rows) = (&mapper.changed_nodes[..], &mapper.changed_rows[..]);
-        mapper.backend.reserve(rows.len())?;
-        mapper.backend.follow(&scene, &Changes { nodes, rows, voided: &[] })?;
-        mapper.backend.import(state.backend)?;
+        let mut backend = CpuBackend::new(&mapper.config, mapper.trainers.clone())?;
+        mapper.introduce(&mut backend)?;
+        backend.import(state.backend)?;
+        mapper.backend = Box::new(backend);
         mapper.changed_bricks = (0..mapper.surface.evidence.bricks() as u32).collect();
         Ok(mapper)
     }

@@ -258,8 +258,12 @@ impl CpuBackend {
 }
 
 impl Backend for CpuBackend {
-    fn name(&self) -> String {
-        "cpu".into()
+    fn adapter(&self) -> Option<&str> {
+        None
+    }
+
+    fn gpu_peak_bytes(&self) -> u64 {
+        0
     }
 
     fn reserve(&mut self, _: usize) -> Result<usize> {

@@ -20,6 +20,7 @@ mod tests;
 mod training;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use rayon::ThreadPool;
 use rustc_hash::FxHashMap;
@@ -38,7 +39,6 @@ use super::{
 };
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
-use crate::modality::decoder::Decoder;
 use crate::modality::{Decoders, occupancy, sdf};
 use crate::octree::NodeSource;
 use crate::train::{RayPlan, sample};
@@ -66,6 +66,8 @@ pub struct GpuBackend {
     /// Whether the last readback had no room for all rows.
     more: bool,
     submissions: u64,
+    /// Most bytes of buffers so far.
+    peak_bytes: u64,
     heard: Heard,
 }
 
@@ -113,6 +115,7 @@ impl GpuBackend {
             under_way: None,
             more: false,
             submissions: 0,
+            peak_bytes: 0,
             heard: Heard {
                 decoders: Arc::new(decoders),
                 rows: Vec::new(),
@@ -130,6 +133,7 @@ impl GpuBackend {
         let (number, rays, submitted) = (readback.number, readback.rays, readback.submitted);
         let results = readback.wait(&self.gpu, self.clock.as_deref())?;
         self.collector.learn(&results);
+        self.peak_bytes = self.peak_bytes.max(self.gpu.allocated_bytes());
         let heard = &mut self.heard;
         for (row, columns) in &results.rows {
             // What was voided later is zero, whatever was learned before.
@@ -149,14 +153,28 @@ impl GpuBackend {
             decoders.occupancy.update(|weights| weights.copy_from_slice(&results.occupancy));
         }
         let step = report(&results);
-        let gpu_ms: f32 = results.passes.iter().map(|(_, ms)| ms).sum();
         let took = match &self.clock {
-            Some(_) => std::time::Duration::from_secs_f32(gpu_ms * 1e-3),
+            Some(_) => {
+                let ms: f32 = results.passes.iter().map(|(_, ms)| ms).sum();
+                Duration::from_secs_f32(ms.max(0.0) * 1e-3)
+            }
             None => submitted.elapsed(),
         };
-        heard.report = Some(WorkReport { step, rays, took, passes: results.passes });
+        let mut passes = results.passes;
+        passes.push(("train", took.as_secs_f32() * 1e3));
+        heard.report = Some(WorkReport { step, rays, took, passes });
         self.more = results.more;
         Ok(())
+    }
+
+    /// Takes note of results that have come, without waiting for any.
+    fn hear_if_done(&mut self) {
+        let polled = self.gpu.device.poll(wgpu::PollType::Poll);
+        let done = self.under_way.as_ref().is_some_and(Readback::is_done);
+        if polled.is_ok() && done {
+            // What is wrong with the device is told by the next call that can say so.
+            let _ = self.hear();
+        }
     }
 
     /// Submits recorded passes and asks for what they change.
@@ -214,8 +232,12 @@ fn report(results: &Results) -> StepReport {
 }
 
 impl Backend for GpuBackend {
-    fn name(&self) -> String {
-        format!("gpu: {}", self.gpu.info.name)
+    fn adapter(&self) -> Option<&str> {
+        Some(&self.gpu.info.name)
+    }
+
+    fn gpu_peak_bytes(&self) -> u64 {
+        self.peak_bytes
     }
 
     fn reserve(&mut self, rows: usize) -> Result<usize> {
@@ -289,6 +311,7 @@ impl Backend for GpuBackend {
     }
 
     fn read_changed(&mut self, visit: &mut dyn FnMut(u32, &LearnedRow)) {
+        self.hear_if_done();
         // Of a row that came more than once the newest counts.
         let mut rows = std::mem::take(&mut self.heard.rows);
         rows.sort_by_key(|(row, _)| *row);
@@ -307,7 +330,7 @@ impl Backend for GpuBackend {
         let (learned, moments) = self.rows.export(&self.gpu, self.rows_used)?;
         let occupancy = match &self.occupancy {
             Some(decoder) => decoder.export(&self.gpu)?,
-            None => untrained(&self.heard.decoders.occupancy),
+            None => DecoderState::of(&self.heard.decoders.occupancy),
         };
         Ok(BackendState { learned, moments, sdf: self.sdf.export(&self.gpu)?, occupancy })
     }
@@ -343,11 +366,4 @@ impl GpuBackend {
     fn room(&self) -> u64 {
         self.rows.capacity().min(self.mirror.prior.capacity())
     }
-}
-
-/// The state of a decoder that is not trained.
-fn untrained(decoder: &Decoder) -> DecoderState {
-    let zeros = vec![0.0; decoder.weights().len()];
-    let weights = decoder.weights().to_vec();
-    DecoderState { weights, first: zeros.clone(), second: zeros, steps: 0 }
 }
