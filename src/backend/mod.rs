@@ -17,7 +17,7 @@ use crate::octree::{Explicit, Topology};
 use crate::surface::Surface;
 use crate::train::{KeyFrame, RayPlan};
 
-pub use cpu::CpuBackend;
+pub use cpu::{CpuBackend, Host};
 pub use gpu::{Adapters, GpuBackend};
 
 /// Most samples of one step.
