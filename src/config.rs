@@ -11,7 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
-pub use server::{DEFAULT_FILE, ServerConfig, ServerSettings, Settings, StorageSettings};
+pub use server::{
+    DEFAULT_FILE, GpuSettings, ServerConfig, ServerSettings, Settings, StorageSettings,
+};
 pub use stored::Kept;
 
 /// How much work a frame may take.

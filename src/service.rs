@@ -20,7 +20,7 @@ use crate::engine::{
 };
 use crate::error::{Error, Result};
 use crate::frame::Frame;
-use crate::map::Mapper;
+use crate::map::{Mapper, Trainer};
 use crate::telemetry::Distribution;
 
 pub use counters::FrameCounts;
@@ -53,10 +53,12 @@ impl Service {
     /// [`Engine`]: it ends the thread and says whether the map was saved.
     pub fn start(config: &ServerConfig, map: MapConfig) -> Result<(Arc<Self>, Engine)> {
         let store = config.storage.as_deref().map(prepare_storage).transpose()?;
-        let mapper = match &store {
+        let mut mapper = match &store {
             Some(path) => persist::load(path, map)?,
             None => Mapper::new(map)?,
         };
+        mapper
+            .train_on(Trainer { backend: config.backend, gpu_memory_mib: config.gpu_memory_mib })?;
         mapper.set_trainer_nice(config.trainer_nice)?;
         let settings = EngineSettings {
             lane_frames: config.lane_frames,

@@ -10,14 +10,15 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
+use crate::modality::decoder::Decoder;
 use crate::modality::losses::{LossWeights, Stencil};
 use crate::modality::{Decoders, OCCUPANCY_FEATURES, SDF_FEATURES};
 use crate::octree::{Explicit, Topology};
 use crate::surface::Surface;
 use crate::train::{KeyFrame, RayPlan};
 
-pub use cpu::CpuBackend;
-pub use gpu::GpuBackend;
+pub use cpu::{CpuBackend, Host};
+pub use gpu::{Adapters, GpuBackend};
 
 /// Most samples of one step.
 pub const MAX_SAMPLES: usize = 1 << 22;
@@ -148,6 +149,15 @@ pub struct RowMoments {
 /// changed.
 pub const ROW_BYTES: usize = size_of::<LearnedRow>() + size_of::<RowMoments>() + 1 + 4;
 
+impl DecoderState {
+    /// The weights of a decoder, with no memory of how they came about.
+    pub fn of(decoder: &Decoder) -> Self {
+        let weights = decoder.weights().to_vec();
+        let zeros = vec![0.0; weights.len()];
+        Self { weights, first: zeros.clone(), second: zeros, steps: 0 }
+    }
+}
+
 impl RowMoments {
     /// Learned numbers of a row.
     pub const COLUMNS: usize = SDF_FEATURES + OCCUPANCY_FEATURES + 4;
@@ -181,8 +191,11 @@ pub struct BackendState {
 /// A trainer. It owns the learned columns and the decoders; topology, surface and prior stay with
 /// the host.
 pub trait Backend: Send {
-    /// Its name, for reports and logs.
-    fn name(&self) -> String;
+    /// The GPU that it trains on; `None` for the CPU.
+    fn adapter(&self) -> Option<&str>;
+
+    /// Most memory of the GPU that was in use so far, bytes.
+    fn gpu_peak_bytes(&self) -> u64;
 
     /// Makes room for `rows` vertex rows, if it can; returns for how many there is.
     fn reserve(&mut self, rows: usize) -> Result<usize>;

@@ -17,7 +17,7 @@ pub(super) use self::report::{Tally, processor, spread};
 use crate::config::{BackendChoice, MapConfig, MapSettings, Prior, Profile, Schedule};
 use crate::dataset::{self, Dataset, Format, FrameRange, Noise};
 use crate::error::{Error, Result};
-use crate::map::Mapper;
+use crate::map::{Mapper, Trainer};
 use crate::storage;
 
 /// Map a recording into a file
@@ -79,13 +79,13 @@ impl MapArgs {
     pub fn run(self) -> anyhow::Result<()> {
         let start = Instant::now();
         self.check_targets()?;
-        check_backend(self.backend)?;
         let mut mapper = match &self.resume {
             Some(checkpoint) => storage::load_with(checkpoint, |stored| self.resumed(stored))?,
             None => {
                 Mapper::new(MapConfig::from_settings(&self.settings(&MapSettings::default()))?)?
             }
         };
+        mapper.train_on(Trainer::of(self.backend))?;
         let dataset = dataset::open(&self.dataset, self.format)?;
         let indices = self.frames.unwrap_or_default().indices(dataset.len(), self.stride)?;
 
@@ -199,6 +199,7 @@ pub(super) fn integrate(
         }
         Ok(())
     })?;
+    mapper.finish()?;
     let stopped = interrupted.load(Ordering::Relaxed);
     if tally.frames == tally.frames_empty && !stopped {
         return Err(Error::invalid(
@@ -227,13 +228,6 @@ fn check_target(field: &str, path: &Path) -> Result<()> {
         }
         _ => Ok(()),
     }
-}
-
-fn check_backend(choice: BackendChoice) -> Result<()> {
-    if choice == BackendChoice::Gpu {
-        return Err(Error::invalid("backend", "this build has no GPU backend: use cpu or auto"));
-    }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -341,13 +335,11 @@ mod tests {
     }
 
     #[test]
-    fn targets_and_backends_are_checked_first() {
+    fn targets_are_checked_first() {
         let folder = tempfile::tempdir().expect("temporary folder");
         assert!(check_target("out", folder.path()).is_err());
         assert!(check_target("out", &folder.path().join("no/map")).is_err());
         assert!(check_target("out", &folder.path().join("map")).is_ok());
         assert!(check_target("out", Path::new("map")).is_ok());
-        assert_eq!(check_backend(BackendChoice::Gpu).expect_err("none").exit_code(), 2);
-        assert!(check_backend(BackendChoice::Auto).is_ok());
     }
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::{MapConfig, MapSettings, Schedule};
+use super::{BackendChoice, MapConfig, MapSettings, Schedule};
 use crate::error::{Error, Result};
 
 /// The file that documents every key. It is the lowest layer of every configuration.
@@ -19,6 +19,7 @@ pub struct Settings {
     pub server: ServerSettings,
     pub storage: StorageSettings,
     pub map: MapSettings,
+    pub gpu: GpuSettings,
 }
 
 /// `[server]`.
@@ -44,6 +45,19 @@ pub struct StorageSettings {
     pub path: PathBuf,
 }
 
+/// `[gpu]`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct GpuSettings {
+    pub memory_mib: u32,
+}
+
+impl Default for GpuSettings {
+    fn default() -> Self {
+        Self { memory_mib: 2048 }
+    }
+}
+
 impl Default for Settings {
     /// A server's map follows the stream; everything else is as for `orenx map`.
     fn default() -> Self {
@@ -51,6 +65,7 @@ impl Default for Settings {
             server: ServerSettings::default(),
             storage: StorageSettings::default(),
             map: MapSettings { schedule: Schedule::Adaptive, ..MapSettings::default() },
+            gpu: GpuSettings::default(),
         }
     }
 }
@@ -98,6 +113,9 @@ pub struct ServerConfig {
     pub publish_interval: Duration,
     /// The nice value of the trainer threads, at most 19.
     pub trainer_nice: u8,
+    pub backend: BackendChoice,
+    /// Memory of the GPU that a map's rows may take, MiB.
+    pub gpu_memory_mib: u32,
     /// The folder that holds the maps; `None` keeps them in memory.
     pub storage: Option<PathBuf>,
 }
@@ -146,6 +164,8 @@ impl ServerConfig {
                 server.publish_interval_ms,
                 0..=10_000,
             )? as u64),
+            backend: settings.map.backend,
+            gpu_memory_mib: gpu_memory_mib(settings.gpu.memory_mib)?,
             trainer_nice: within("trainer_nice", server.trainer_nice, 0..=19)? as u8,
             storage: (!settings.storage.path.as_os_str().is_empty())
                 .then(|| settings.storage.path.clone()),
@@ -158,6 +178,14 @@ impl ServerConfig {
         })?;
         Ok((config, map))
     }
+}
+
+/// Checks `gpu.memory_mib`.
+fn gpu_memory_mib(mib: u32) -> Result<u32> {
+    if (64..=1 << 20).contains(&mib) {
+        return Ok(mib);
+    }
+    Err(Error::invalid("gpu.memory_mib", format!("{mib} must be within 64..=1048576")))
 }
 
 fn max_frame_age(seconds: f64) -> Result<Duration> {

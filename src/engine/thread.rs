@@ -103,9 +103,14 @@ impl Owner {
     /// The whole life of the thread. A panic ends it: the map may be half written, so nothing is
     /// saved and nothing more is tried.
     fn live(&mut self) -> Result<()> {
-        let outcome = catch_unwind(AssertUnwindSafe(|| {
-            self.work()?;
-            self.save()
+        let outcome = catch_unwind(AssertUnwindSafe(|| match self.work() {
+            Err(lost @ Error::DeviceLost(_)) => {
+                tracing::error!(error = %lost, "saving what readers have");
+                self.mapper.rescue()?;
+                self.save()?;
+                Err(lost)
+            }
+            worked => worked.and_then(|()| self.save()),
         }));
         let result = outcome.unwrap_or_else(|panic| {
             Err(Error::Internal(format!("the mapper thread failed: {}", message(&*panic))))
@@ -121,11 +126,12 @@ impl Owner {
     fn work(&mut self) -> Result<()> {
         loop {
             match self.shared.next(self.patience(Instant::now())) {
-                Event::Frame(job, behind) => self.integrate(*job, behind),
-                Event::Idle => self.idle(Instant::now()),
+                Event::Frame(job, behind) => self.integrate(*job, behind)?,
+                Event::Idle => self.idle(Instant::now())?,
                 Event::Reset(waiting) => self.reset(waiting)?,
                 Event::Stop(waiting) => {
                     drop_all(waiting, Reason::Stopping);
+                    self.mapper.finish()?;
                     self.publish(Instant::now());
                     return Ok(());
                 }
@@ -148,7 +154,9 @@ impl Owner {
         }
     }
 
-    fn integrate(&mut self, job: Job, behind: usize) {
+    /// Takes one frame into the map. A frame that cannot be taken costs its sender an answer and
+    /// nobody else anything, but without the backend there is no going on.
+    fn integrate(&mut self, job: Job, behind: usize) -> Result<()> {
         self.mapper.set_behind(u32::try_from(behind).unwrap_or(u32::MAX));
         match self.mapper.integrate(&job.frame) {
             Ok(outcome) => {
@@ -156,7 +164,13 @@ impl Owner {
                 self.newest_arrival = self.newest_arrival.max(Some(job.arrived));
                 self.refining = true;
             }
-            Err(error) => job.ticket.settle(Verdict::Rejected(error)),
+            Err(error) => {
+                let lost = matches!(error, Error::DeviceLost(_)).then(|| error.to_string());
+                job.ticket.settle(Verdict::Rejected(error));
+                if let Some(lost) = lost {
+                    return Err(Error::DeviceLost(lost));
+                }
+            }
         }
         let now = Instant::now();
         self.framed_at = now;
@@ -164,19 +178,25 @@ impl Owner {
         if is_due && !self.unpublished.is_empty() {
             self.publish(now);
         }
+        Ok(())
     }
 
-    fn idle(&mut self, now: Instant) {
+    fn idle(&mut self, now: Instant) -> Result<()> {
         if !self.unpublished.is_empty() {
-            return self.publish(now);
+            self.publish(now);
+            return Ok(());
         }
         if self.refining {
-            self.refining = self.mapper.refine(REFINE_SLICE);
+            self.refining = self.mapper.refine(REFINE_SLICE)?;
             self.refined = true;
         }
         if self.refined && now.duration_since(self.published_at) >= REFINE_INTERVAL {
+            if !self.refining {
+                self.mapper.finish()?;
+            }
             self.publish(now);
         }
+        Ok(())
     }
 
     /// Empties the map. Frames that are in it already are published first: their acks name an epoch
@@ -285,10 +305,12 @@ mod tests {
     fn frame(owner: &mut Owner, index: usize) {
         let frame = Synthetic::room(100).with_width(64).load(index, false).expect("a frame");
         let ticket = Ticket::new(Box::new(Nobody));
-        owner.integrate(
-            Job { frame, ticket, session: Session::default(), arrived: Instant::now() },
-            0,
-        );
+        owner
+            .integrate(
+                Job { frame, ticket, session: Session::default(), arrived: Instant::now() },
+                0,
+            )
+            .expect("a backend");
     }
 
     /// Writes down what became of its frame.
@@ -315,7 +337,7 @@ mod tests {
             handle.submit(handle.session(), frame, QueuePolicy::Latest, sink).await;
         }
         let Event::Frame(job, behind) = owner.shared.next(None) else { panic!("a frame waits") };
-        owner.integrate(*job, behind);
+        owner.integrate(*job, behind).expect("a backend");
         let wishes = [0, 1].map(|_| {
             let handle = handle.clone();
             tokio::spawn(async move { handle.reset().await })
@@ -350,7 +372,7 @@ mod tests {
             let mut seen_at = vec![(published(&owner).view.epoch(), start)];
             while let Some(patience) = owner.patience(now) {
                 now += patience.max(Duration::from_millis(10));
-                owner.idle(now);
+                owner.idle(now).expect("a backend");
                 let epoch = published(&owner).view.epoch();
                 if seen_at.last().is_some_and(|(last, _)| *last != epoch) {
                     seen_at.push((epoch, now));
@@ -365,7 +387,7 @@ mod tests {
             assert!(seen_at.len() > 1, "what refinement did is published");
             let refined = published(&owner).stats.steps - steps;
             assert!((1..=1000).contains(&refined), "{refined} steps");
-            owner.idle(now + Duration::from_secs(9));
+            owner.idle(now + Duration::from_secs(9)).expect("a backend");
             assert_eq!(published(&owner).stats.steps - steps, refined, "and then nothing");
             assert_eq!(published(&owner).stats.frames, 3 * (round as u64 + 1));
         }

@@ -6,6 +6,7 @@ use rayon::ThreadPool;
 
 use super::mapper::{MapStats, Mapper};
 use super::robots::Robots;
+use super::trainer::Trainer;
 use super::view::Store;
 use crate::backend::CpuBackend;
 use crate::config::MapConfig;
@@ -36,8 +37,9 @@ impl Mapper {
     /// Forgets everything and keeps the settings and the threads. The next publication is of an
     /// epoch after the last one, so that a reader sees that the map has changed.
     pub fn reset(&mut self) -> Result<()> {
-        let empty =
+        let mut empty =
             Self::with_pools(self.config.clone(), self.pool.clone(), self.trainers.clone())?;
+        empty.train_on(self.trainer)?;
         let epoch = self.stats.epoch;
         *self = empty;
         self.stats.epoch = epoch;
@@ -64,6 +66,7 @@ impl Mapper {
             key_frames: KeyFrames::new(&config),
             schedule: Schedule::new(&config),
             backend: Box::new(CpuBackend::new(&config, trainers.clone())?),
+            trainer: Trainer::CPU,
             learned: Vec::new(),
             no_prior: Vec::new(),
             pool,

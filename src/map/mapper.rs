@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::budget::Sizes;
 use super::robots::Robots;
+use super::trainer::Trainer;
 use super::view::Store;
 use crate::backend::{Backend, Changes, Scene, StepParameters, Work, WorkReport};
 use crate::config::{MapConfig, Prior};
@@ -75,6 +76,7 @@ pub struct Mapper {
     pub(super) key_frames: KeyFrames,
     pub(super) schedule: Schedule,
     pub(super) backend: Box<dyn Backend>,
+    pub(super) trainer: Trainer,
     /// What the backend learned for (d, g), by row, as of the last publication.
     pub(super) learned: Vec<Explicit>,
     /// What the backend takes for the prior under [`Prior::Learned`]: zeros.
@@ -114,7 +116,7 @@ impl Mapper {
         } else {
             let view = self.allocate(frame)?;
             self.stage("allocate", start);
-            steps = self.train_on(&view, start)?;
+            steps = self.train_within(&view, start)?;
         }
         Ok(FrameOutcome { epoch: self.stats.epoch + 1, valid_pixels, steps })
     }
@@ -167,7 +169,7 @@ impl Mapper {
         Ok(())
     }
 
-    fn train_on(&mut self, view: &KeyFrame, start: Instant) -> Result<u32> {
+    fn train_within(&mut self, view: &KeyFrame, start: Instant) -> Result<u32> {
         let pace = self.schedule.pace(start.elapsed());
         if pace.steps == 0 {
             self.key_frames.offer(view);
@@ -263,23 +265,20 @@ impl Mapper {
 
     /// Refines from key frames when no frame waits, for about `budget`. Returns whether more
     /// refinement is worth doing.
-    pub fn refine(&mut self, budget: Duration) -> bool {
+    pub fn refine(&mut self, budget: Duration) -> Result<bool> {
         let start = Instant::now();
         if self.key_frames.is_empty() || self.config.steps_per_frame == 0 {
-            return false;
+            return Ok(false);
         }
         while self.idle_steps < IDLE_STEPS && start.elapsed() < budget {
             let window = self.key_frames.select_idle();
             let rate = 1.0 - self.idle_steps as f32 / IDLE_STEPS as f32;
             let pace = Pace { rays: self.schedule.idle_rays(budget), steps: 1 };
-            if let Err(error) = self.train(&window, None, pace, rate) {
-                tracing::error!(%error, "idle refinement stopped");
-                return false;
-            }
+            self.train(&window, None, pace, rate)?;
             self.idle_steps += 1;
             self.changed = true;
         }
-        self.idle_steps < IDLE_STEPS
+        Ok(self.idle_steps < IDLE_STEPS)
     }
 
     /// Counters and sizes.

@@ -11,6 +11,7 @@ mod query;
 mod robots;
 mod slice;
 mod state;
+mod trainer;
 mod view;
 
 pub use mapper::{FrameOutcome, MapStats, Mapper};
@@ -20,4 +21,5 @@ pub use query::{Fields, PointAnswers, State};
 pub use robots::Robots;
 pub use slice::{Plane, Slice, draw_slice, slice};
 pub use state::{MapperState, Progress, ViewRecord, ViewState};
+pub use trainer::Trainer;
 pub use view::MapView;

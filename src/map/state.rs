@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::mapper::{MapStats, Mapper, scene};
+use super::mapper::{MapStats, Mapper};
 use super::robots::Robots;
 use super::view::{BRICKS, MapView, NODES, Node, ROWS, Store};
-use crate::backend::{BackendState, Changes};
+use crate::backend::{Backend, BackendState, CpuBackend};
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
@@ -74,22 +74,11 @@ impl Mapper {
         mapper.no_prior.resize(rows, [0.0; 4]);
         mapper.changed_rows = (0..rows as u32).collect();
         mapper.changed_nodes = mapper.topology.take_changed_nodes();
-        let scene = scene(&mapper.config, &mapper.topology, &mapper.surface, &mapper.no_prior);
-        let (nodes, rows) = (&mapper.changed_nodes[..], &mapper.changed_rows[..]);
-        mapper.backend.reserve(rows.len())?;
-        let surfels: Vec<u32> = (0..mapper.surface.surfels.slots() as u32).collect();
-        let bricks: Vec<u32> = (0..mapper.surface.evidence.bricks() as u32).collect();
-        let everything = Changes {
-            nodes,
-            rows,
-            measured: rows,
-            surfels: &surfels,
-            bricks: &bricks,
-            voided: &[],
-        };
-        mapper.backend.follow(&scene, &everything)?;
-        mapper.backend.import(state.backend)?;
-        mapper.changed_bricks = bricks;
+        let mut backend = CpuBackend::new(&mapper.config, mapper.trainers.clone())?;
+        mapper.introduce(&mut backend)?;
+        backend.import(state.backend)?;
+        mapper.backend = Box::new(backend);
+        mapper.changed_bricks = (0..mapper.surface.evidence.bricks() as u32).collect();
         Ok(mapper)
     }
 }

@@ -130,7 +130,11 @@ const COLUMNS: usize = RowMoments::COLUMNS;
 
 /// Saves a map: all of it, or with `compact` only what answers.
 pub fn save(mapper: &mut Mapper, path: &Path, compact: bool) -> Result<()> {
-    if compact { save_compact(&mapper.publish(), path) } else { save_checkpoint(mapper, path) }
+    if compact {
+        save_compact(&*mapper.publish_all()?, path)
+    } else {
+        save_checkpoint(mapper, path)
+    }
 }
 
 /// Loads a checkpoint, to go on mapping with the settings that it was made with.

@@ -118,7 +118,7 @@ fn steps(criterion: &mut Criterion) {
         let batches: Vec<Batch> = (0..8).map(|seed| batch(&config, seed)).collect();
         for threads in [1, 2] {
             let mut backend = CpuBackend::new(&config, pool(threads)).expect("valid");
-            Backend::<Tree>::resize(&mut backend, tree.rows.len());
+            backend.resize(tree.rows.len());
             let host = Host { nodes: &tree, prior: &tree.prior };
             let parameters = parameters(profile);
             let mut next = 0;
@@ -155,13 +155,13 @@ fn evaluations(criterion: &mut Criterion) {
     for (name, profile) in [("lite", Profile::Lite), ("full", Profile::Full)] {
         let config = config(profile);
         let mut backend = CpuBackend::new(&config, pool(2)).expect("valid");
-        Backend::<Tree>::resize(&mut backend, tree.rows.len());
+        backend.resize(tree.rows.len());
         // Every row near a wall has learned something.
         for row in 0..tree.rows.len() {
             let learned = if tree.prior[row][0].abs() < 0.25 { 0.01 } else { 0.0 };
             tree.rows[row].features = Features::nearest(&[learned; 16], &[learned; 8]);
         }
-        let decoders = Backend::<Tree>::decoders(&backend);
+        let decoders = backend.decoders();
         let points = query_points();
         let mut distance = vec![0.0; QUERY];
         let mut gradient = vec![Vec3::ZERO; QUERY];

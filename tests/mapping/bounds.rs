@@ -22,13 +22,13 @@ fn a_robot_drives_out_of_the_first_root_and_keeps_what_it_has() {
     let out = 32; // 8.8 m along, all of it within ±12.8 m but for the view ahead
     integrate(&mut mapper, &data, 0..out);
     mapper.publish();
-    let early = mapper.state();
+    let early = mapper.state().unwrap();
     let (root, rows) = (early.topology.root.unwrap(), early.topology.vertices.len());
     let vertices = early.topology.vertices.to_vec();
     let values = early.surface.prior.values.to_vec();
     integrate(&mut mapper, &data, out..data.len());
     let view = mapper.publish();
-    let late = mapper.state();
+    let late = mapper.state().unwrap();
     assert!(late.topology.root.unwrap().log2_size > root.log2_size, "the root grew");
     assert_eq!(late.topology.vertices[..rows], vertices[..], "rows are never renumbered");
     // The camera sees ahead only: what lies well behind it is as it was, bit for bit.

@@ -40,7 +40,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
             integrate(&mut mapper, &data, 0..6);
             // Idle steps end with a clock unless they may run to their end.
             if config.profile == Profile::Lite {
-                assert!(!mapper.refine(Duration::MAX), "refined to the end");
+                assert!(!mapper.refine(Duration::MAX).unwrap(), "refined to the end");
             }
             mapper.publish();
             (saved(&mut mapper, false), saved(&mut mapper, true))

@@ -88,7 +88,7 @@ fn follow(data: &Synthetic) -> Mapper {
     integrate(&mut mapper, data, AT..AT + PATIENCE);
     let now = AT + PATIENCE - 1;
     check_gone(&mapper.publish(), data, now, "after 15 frames");
-    while mapper.refine(Duration::from_secs(1)) {}
+    while mapper.refine(Duration::from_secs(1)).unwrap() {}
     let view = mapper.publish();
     check_gone(&view, data, now, "after idling");
     check_background(&view, data, &(AT..AT + PATIENCE).collect::<Vec<_>>());

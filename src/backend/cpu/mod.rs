@@ -39,10 +39,10 @@ use crate::octree::{Explicit, Lookup, NodeSource};
 use crate::train::{Batch, RayPlan, sample};
 
 /// What a step reads of the host.
-pub(super) struct Host<'a, N: NodeSource> {
-    pub(super) nodes: &'a N,
+pub struct Host<'a, N: NodeSource> {
+    pub nodes: &'a N,
     /// Closed-form (d, g) by vertex row; at least as many as the backend has rows.
-    pub(super) prior: &'a [Explicit],
+    pub prior: &'a [Explicit],
 }
 
 /// Trains on the CPU, on the threads of the pool that it is given.
@@ -235,8 +235,13 @@ fn check<N: NodeSource>(host: &Host<'_, N>, batch: &Batch, rows: usize) -> Resul
 }
 
 impl CpuBackend {
+    /// Grows to `rows` vertex rows; new ones are zero. Never shrinks.
+    pub fn resize(&mut self, rows: usize) {
+        self.rows.resize(rows);
+    }
+
     /// One optimiser step on a batch. On an error nothing has changed.
-    pub(super) fn step<N: NodeSource + Sync>(
+    pub fn step<N: NodeSource + Sync>(
         &mut self,
         host: &Host<'_, N>,
         batch: &Batch,
@@ -258,8 +263,12 @@ impl CpuBackend {
 }
 
 impl Backend for CpuBackend {
-    fn name(&self) -> String {
-        "cpu".into()
+    fn adapter(&self) -> Option<&str> {
+        None
+    }
+
+    fn gpu_peak_bytes(&self) -> u64 {
+        0
     }
 
     fn reserve(&mut self, _: usize) -> Result<usize> {

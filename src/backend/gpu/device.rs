@@ -93,7 +93,7 @@ impl Gpu {
 
     fn allocate(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
         let limits = self.device.limits();
-        let most = limits.max_buffer_size.min(u64::from(limits.max_storage_buffer_binding_size));
+        let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
         if bytes > most {
             return Err(Error::ResourceExhausted {
                 what: format!("{label} on {}", self.info.name),
@@ -144,6 +144,11 @@ impl Gpu {
             .get_mapped_range(..)
             .map_err(|e| Error::DeviceLost(format!("{}: {e}", self.info.name)))?;
         Ok(bytemuck::pod_collect_to_vec(&view))
+    }
+
+    /// Bytes of the device's memory in use.
+    pub(super) fn allocated_bytes(&self) -> u64 {
+        self.device.generate_allocator_report().map_or(0, |report| report.total_allocated_bytes)
     }
 
     /// Waits until everything that was submitted is done, and what it calls back is called.

@@ -4,7 +4,6 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::backend::{LearnedRow, RowMoments};
 use crate::modality::{OCCUPANCY_FEATURES, SDF_FEATURES};
-use crate::octree::Found;
 
 /// No voxel, no row, no kind of sample.
 pub(super) const NONE: u32 = u32::MAX;
@@ -38,11 +37,6 @@ pub(super) fn learned_row(columns: &RowColumns) -> LearnedRow {
     row.occupancy_feature.copy_from_slice(occupancy);
     row.explicit.copy_from_slice(explicit);
     row
-}
-
-/// A voxel in one word.
-pub(super) fn pack_voxel(found: Found) -> u32 {
-    if found.is_some() { found.node << 5 | u32::from(found.log2_size) } else { NONE }
 }
 
 /// The numbers of one step; `Step` in shaders/lib/step.wgsl says what they are.

@@ -1,8 +1,9 @@
 //! The GPU trainer: what is learned lies in pools on the GPU, and wgpu kernels train it.
 //!
 //! The host keeps topology, surface and prior; the GPU has a copy that follows by deltas
-//! (`mirror`). A step is five kinds of passes (`training`); what they changed comes back in one
-//! readback a call (`readback`). Gradients of rows are summed in fixed point and those of decoders
+//! (`mirror`, `surface`), and keeps the pixels of key frames (`pixels`). A step draws its samples
+//! (`sampling`) and is taken in five kinds of passes (`training`); what they changed comes back in
+//! one readback a call (`readback`). Gradients of rows are summed in fixed point and those of decoders
 //! by lanes in a fixed order, so that a step has the same bits whenever it runs on one adapter.
 
 mod decoder;
@@ -24,8 +25,8 @@ mod training;
 mod writes;
 
 use std::sync::Arc;
+use std::time::Duration;
 
-use rayon::ThreadPool;
 use rustc_hash::FxHashMap;
 
 use self::decoder::GpuDecoder;
@@ -35,19 +36,17 @@ use self::mirror::Mirror;
 use self::passes::{Clock, Passes};
 use self::readback::{Collector, Readback, Results, Sources};
 use self::rows::Rows;
-use self::sampling::Sampling;
+use self::sampling::{Sampling, Slots};
 use self::surface::SurfaceMirror;
 use self::training::{Model, Training};
 use self::writes::{Writer, Writes};
 use super::{
-    Backend, BackendState, Changes, DecoderState, LearnedRow, Losses, Scene, StepParameters,
-    StepReport, Work, WorkReport,
+    Backend, BackendState, Changes, DecoderState, LearnedRow, Losses, Scene, StepReport, Work,
+    WorkReport,
 };
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
-use crate::modality::decoder::Decoder;
 use crate::modality::{Decoders, occupancy, sdf};
-use crate::octree::NodeSource;
 
 /// Rows that one frame can add: there is always room for this many, below the budget.
 const HEADROOM: u64 = 1 << 17;
@@ -56,8 +55,6 @@ const HEADROOM: u64 = 1 << 17;
 pub struct GpuBackend {
     gpu: Gpu,
     clock: Option<Arc<Clock>>,
-    /// Draws samples.
-    pool: Arc<ThreadPool>,
     writer: Writer,
     mirror: Mirror,
     surface: SurfaceMirror,
@@ -75,6 +72,8 @@ pub struct GpuBackend {
     /// Whether the last readback had no room for all rows.
     more: bool,
     submissions: u64,
+    /// Most bytes of buffers so far.
+    peak_bytes: u64,
     heard: Heard,
 }
 
@@ -92,12 +91,7 @@ struct Heard {
 impl GpuBackend {
     /// A backend without rows on the best adapter, which takes up to `memory_mib` of its memory for
     /// rows; decoders start from the configuration's seed.
-    pub fn new(
-        config: &MapConfig,
-        adapters: Adapters,
-        memory_mib: u32,
-        pool: Arc<ThreadPool>,
-    ) -> Result<Self> {
+    pub fn new(config: &MapConfig, adapters: Adapters, memory_mib: u32) -> Result<Self> {
         let gpu = Gpu::open(adapters)?;
         let decoders = Decoders {
             sdf: sdf::decoder(&config.hidden, config.seed)?,
@@ -119,12 +113,12 @@ impl GpuBackend {
             collector: Collector::new(&gpu)?,
             sdf,
             occupancy,
-            pool,
             rows_used: 0,
             most_rows: (u64::from(memory_mib) << 20) / Rows::ROW_BYTES,
             under_way: None,
             more: false,
             submissions: 0,
+            peak_bytes: 0,
             heard: Heard {
                 decoders: Arc::new(decoders),
                 rows: Vec::new(),
@@ -142,6 +136,7 @@ impl GpuBackend {
         let (number, rays, submitted) = (readback.number, readback.rays, readback.submitted);
         let results = readback.wait(&self.gpu, self.clock.as_deref())?;
         self.collector.learn(&results);
+        self.peak_bytes = self.peak_bytes.max(self.gpu.allocated_bytes());
         let heard = &mut self.heard;
         for (row, columns) in &results.rows {
             // What was voided later is zero, whatever was learned before.
@@ -161,14 +156,28 @@ impl GpuBackend {
             decoders.occupancy.update(|weights| weights.copy_from_slice(&results.occupancy));
         }
         let step = report(&results);
-        let gpu_ms: f32 = results.passes.iter().map(|(_, ms)| ms).sum();
         let took = match &self.clock {
-            Some(_) => std::time::Duration::from_secs_f32(gpu_ms * 1e-3),
+            Some(_) => {
+                let ms: f32 = results.passes.iter().map(|(_, ms)| ms).sum();
+                Duration::from_secs_f32(ms.max(0.0) * 1e-3)
+            }
             None => submitted.elapsed(),
         };
-        heard.report = Some(WorkReport { step, rays, took, passes: results.passes });
+        let mut passes = results.passes;
+        passes.push(("train", took.as_secs_f32() * 1e3));
+        heard.report = Some(WorkReport { step, rays, took, passes });
         self.more = results.more;
         Ok(())
+    }
+
+    /// Takes note of results that have come, without waiting for any.
+    fn hear_if_done(&mut self) {
+        let polled = self.gpu.device.poll(wgpu::PollType::Poll);
+        let done = self.under_way.as_ref().is_some_and(Readback::is_done);
+        if polled.is_ok() && done {
+            // What is wrong with the device is told by the next call that can say so.
+            let _ = self.hear();
+        }
     }
 
     /// Submits recorded passes and asks for what they change.
@@ -184,12 +193,6 @@ impl GpuBackend {
             self.collector.submit(&self.gpu, passes, &sources, self.submissions, rays)?;
         self.under_way = Some(readback);
         self.gpu.check()
-    }
-
-    /// Sets the numbers of a step on the first `samples` samples, which are on the GPU.
-    fn set(&self, nodes: &impl NodeSource, samples: u32, parameters: &StepParameters) {
-        let root = (nodes.root(), nodes.unit_m());
-        self.training.set(&self.gpu, root, self.rows_used as u32, samples, parameters);
     }
 
     fn model(&self) -> Model<'_> {
@@ -226,8 +229,12 @@ fn report(results: &Results) -> StepReport {
 }
 
 impl Backend for GpuBackend {
-    fn name(&self) -> String {
-        format!("gpu: {}", self.gpu.info.name)
+    fn adapter(&self) -> Option<&str> {
+        Some(&self.gpu.info.name)
+    }
+
+    fn gpu_peak_bytes(&self) -> u64 {
+        self.peak_bytes
     }
 
     fn reserve(&mut self, rows: usize) -> Result<usize> {
@@ -258,6 +265,7 @@ impl Backend for GpuBackend {
         let mut writes = Writes::default();
         self.mirror.follow(&mut writes, (scene.topology, scene.prior), changes);
         self.surface.follow(&mut writes, scene.surface, changes);
+        tracing::trace!(bytes = writes.bytes(), "mirrored");
         let mut passes = Passes::new(&self.gpu, None);
         self.writer.record(&self.gpu, &mut passes, writes)?;
         self.rows.clear(&self.gpu, &mut passes, changes.voided)?;
@@ -276,12 +284,20 @@ impl Backend for GpuBackend {
         }
         let samples = self.sampling.prepare(&self.gpu, scene.surface, work)?;
         self.training.reserve(&self.gpu, samples.into())?;
-        self.set(scene.topology, samples, &work.parameters);
+        let rows = self.rows_used as u32;
+        let numbers = training::numbers(scene.topology, rows, samples, &work.parameters);
+        self.training.set(&self.gpu, numbers);
         let mut passes = Passes::new(&self.gpu, self.clock.clone());
         let (model, stencil) = (self.model(), work.parameters.stencil);
+        let slots = Slots {
+            mirror: &self.mirror,
+            surface: &self.surface,
+            step: &self.training.step,
+            samples: &self.training.samples,
+            count: samples,
+        };
         for step in 0..work.steps {
-            let (surface, draw) = ((&model, &self.surface), (&self.sampling, step));
-            self.training.draw(&self.gpu, &mut passes, surface, draw, samples)?;
+            self.sampling.draw(&self.gpu, &mut passes, step, &slots)?;
             self.training.accumulate(&self.gpu, &mut passes, &model, stencil, samples)?;
             self.training.optimise(&self.gpu, &mut passes, &model, stencil, samples)?;
         }
@@ -302,6 +318,7 @@ impl Backend for GpuBackend {
     }
 
     fn read_changed(&mut self, visit: &mut dyn FnMut(u32, &LearnedRow)) {
+        self.hear_if_done();
         // Of a row that came more than once the newest counts.
         let mut rows = std::mem::take(&mut self.heard.rows);
         rows.sort_by_key(|(row, _)| *row);
@@ -320,7 +337,7 @@ impl Backend for GpuBackend {
         let (learned, moments) = self.rows.export(&self.gpu, self.rows_used)?;
         let occupancy = match &self.occupancy {
             Some(decoder) => decoder.export(&self.gpu)?,
-            None => untrained(&self.heard.decoders.occupancy),
+            None => DecoderState::of(&self.heard.decoders.occupancy),
         };
         Ok(BackendState { learned, moments, sdf: self.sdf.export(&self.gpu)?, occupancy })
     }
@@ -357,11 +374,4 @@ impl GpuBackend {
         let pools = [self.mirror.prior.capacity(), self.surface.anchors.capacity()];
         pools.into_iter().fold(self.rows.capacity(), u64::min)
     }
-}
-
-/// The state of a decoder that is not trained.
-fn untrained(decoder: &Decoder) -> DecoderState {
-    let zeros = vec![0.0; decoder.weights().len()];
-    let weights = decoder.weights().to_vec();
-    DecoderState { weights, first: zeros.clone(), second: zeros, steps: 0 }
 }

@@ -99,3 +99,60 @@ impl Pixels {
         Ok(self.held.len())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::gpu::Adapters;
+    use crate::dataset::Dataset;
+    use crate::dataset::synthetic::Synthetic;
+
+    /// Frames of seven pixels, each with depths of its own.
+    fn frames(depths: std::ops::Range<u16>) -> Vec<KeyFrame> {
+        let seen = Synthetic::room(2).with_width(16).load(0, false).expect("a frame");
+        let pixel = |z: u16, u: u16| Pixel { u, v: 1, z: f32::from(z) };
+        let frame = |z: u16| {
+            let mut frame = KeyFrame::new(&seen, 16, 0.1);
+            frame.pixels = (0..7).map(|u| pixel(z, u)).collect();
+            frame
+        };
+        depths.map(frame).collect()
+    }
+
+    #[test]
+    fn pixels_come_once_and_give_way_when_nobody_holds_them() {
+        let gpu = Gpu::open(Adapters::Any).expect("an adapter");
+        let mut pixels = Pixels::new(&gpu, 7, 0).expect("room");
+        let mut all = frames(0..LEAST as u16 + 4);
+        let mut placed = Vec::new();
+        for pair in all.chunks(2) {
+            let window: Vec<&KeyFrame> = pair.iter().collect();
+            placed.extend(pixels.place(&gpu, &window).expect("room"));
+            // A copy is the same key frame.
+            let again = pixels.place(&gpu, &[&pair[1].clone()]).expect("room");
+            assert_eq!(placed.last(), again.last());
+        }
+        // The room is full: the oldest two pairs gave way to the last two.
+        assert_eq!((pixels.held.len(), pixels.pool.capacity()), (LEAST, LEAST as u64));
+        let there = |pixels: &Pixels, place: u32| -> Vec<f32> {
+            let words = gpu.read::<[u32; 2]>(&pixels.pool.buffer, pixels.room * pixels.held.len());
+            let words = words.expect("pixels");
+            words[place as usize..][..7].iter().map(|p| f32::from_bits(p[1])).collect()
+        };
+        for i in 4..all.len() {
+            assert_eq!(there(&pixels, placed[i]), [i as f32; 7], "key frame {i}");
+        }
+        // One that is given up gives its place, though others are older.
+        let given_up = placed[18];
+        all.remove(18);
+        let next = frames(50..51);
+        assert_eq!(pixels.place(&gpu, &[&next[0]]).expect("room"), [given_up]);
+        assert_eq!(there(&pixels, given_up), [50.0; 7]);
+        // A larger one makes all places larger.
+        let mut large = frames(60..61);
+        large[0].pixels = [&large[0].pixels[..], &large[0].pixels[..]].concat().into();
+        let window = [&next[0], &large[0]];
+        assert_eq!(pixels.place(&gpu, &window).expect("room"), [0, 14]);
+        assert_eq!((there(&pixels, 0), there(&pixels, 14)), (vec![50.0; 7], vec![60.0; 7]));
+    }
+}

@@ -150,10 +150,17 @@ impl Collector {
 }
 
 impl Readback {
+    /// Whether the results have come.
+    pub(super) fn is_done(&self) -> bool {
+        self.mapped.load(Ordering::Acquire)
+    }
+
     /// Waits for the results.
     pub(super) fn wait(self, gpu: &Gpu, clock: Option<&Clock>) -> Result<Results> {
-        gpu.wait()?;
-        if !self.mapped.load(Ordering::Acquire) {
+        if !self.is_done() {
+            gpu.wait()?;
+        }
+        if !self.is_done() {
             return Err(Error::DeviceLost(format!("{}: results did not come", gpu.info.name)));
         }
         let view = self

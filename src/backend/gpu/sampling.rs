@@ -3,9 +3,12 @@
 use super::device::Gpu;
 use super::kernel::Kernel;
 use super::layout::{Draw, Frame};
+use super::mirror::Mirror;
+use super::passes::Passes;
 use super::pixels::Pixels;
 use super::pool::Pool;
 use super::shader::Constant;
+use super::surface::SurfaceMirror;
 use crate::backend::{MAX_SAMPLES, Work};
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
@@ -36,12 +39,22 @@ pub(super) fn constants() -> [(&'static str, Constant); 5] {
 /// What samples are drawn from.
 #[derive(Debug)]
 pub(super) struct Sampling {
-    pub(super) kernel: Kernel,
+    kernel: Kernel,
     pixels: Pixels,
     /// The frames of the window.
     frames: Pool,
     /// The numbers of each step of the work in hand.
     draws: Pool,
+}
+
+/// What is sampled, and where to.
+pub(super) struct Slots<'a> {
+    pub(super) mirror: &'a Mirror,
+    pub(super) surface: &'a SurfaceMirror,
+    /// The step's numbers.
+    pub(super) step: &'a wgpu::Buffer,
+    pub(super) samples: &'a Pool,
+    pub(super) count: u32,
 }
 
 impl Sampling {
@@ -65,7 +78,8 @@ impl Sampling {
         }
         let rays = work.plan.rays;
         if rays > MOST_RAYS || window.len() > MOST_FRAMES {
-            let problem = format!("at most {MOST_RAYS} of at most {MOST_FRAMES} frames are drawn");
+            let problem =
+                format!("at most {MOST_RAYS} of at most {MOST_FRAMES} frames can be drawn");
             return Err(Error::invalid("rays", problem));
         }
         let places = self.pixels.place(gpu, &window)?;
@@ -102,13 +116,37 @@ impl Sampling {
         Ok(rays * RAY_SAMPLES)
     }
 
-    /// What the kernel binds of this for a step of the work in hand.
-    pub(super) fn buffers(&self, step: u32) -> [(&'static str, wgpu::BindingResource<'_>); 3] {
+    /// Records the pass that fills the slots of a step of the work in hand.
+    pub(super) fn draw(
+        &self,
+        gpu: &Gpu,
+        passes: &mut Passes,
+        step: u32,
+        slots: &Slots<'_>,
+    ) -> Result<()> {
+        if slots.count == 0 {
+            return Ok(()); // there may be no numbers of the step
+        }
         let draw = wgpu::BindingResource::Buffer(wgpu::BufferBinding {
             buffer: &self.draws.buffer,
             offset: u64::from(step) * DRAW_BYTES as u64,
             size: wgpu::BufferSize::new(size_of::<Draw>() as u64),
         });
-        [("draw", draw), ("frames", self.frames.binding()), ("pixels", self.pixels.pool.binding())]
+        let Slots { mirror, surface, .. } = slots;
+        let buffers = [
+            ("step", slots.step.as_entire_binding()),
+            ("draw", draw),
+            ("links", mirror.links.binding()),
+            ("corners", mirror.corners.binding()),
+            ("anchors", surface.anchors.binding()),
+            ("surfels", surface.surfels.binding()),
+            ("bricks", surface.bricks.binding()),
+            ("cells", surface.cells.binding()),
+            ("frames", self.frames.binding()),
+            ("pixels", self.pixels.pool.binding()),
+            ("samples", slots.samples.binding()),
+        ];
+        self.kernel.bind(gpu, &buffers)?.dispatch(passes, slots.count.div_ceil(64));
+        Ok(())
     }
 }

@@ -12,7 +12,7 @@ use super::shader::Constant;
 use crate::backend::StepParameters;
 use crate::error::Result;
 use crate::modality::losses::Stencil;
-use crate::octree::Root;
+use crate::octree::{NodeSource, Root};
 #[cfg(test)]
 use crate::train::Batch;
 
@@ -57,6 +57,33 @@ fn distance_lanes(stencil: Stencil, samples: u32) -> u32 {
 /// Evaluations of a sample with a stencil.
 fn points(stencil: Stencil) -> u32 {
     1 + stencil.offsets().len() as u32
+}
+
+/// The numbers of a step in a tree with `rows` rows.
+pub(super) fn numbers(
+    nodes: &impl NodeSource,
+    rows: u32,
+    samples: u32,
+    parameters: &StepParameters,
+) -> Step {
+    let w = &parameters.weights;
+    let root = nodes.root().unwrap_or(Root { node: NONE, min: [0; 3], log2_size: 0 });
+    Step {
+        root_min: root.min,
+        root_node: root.node,
+        unit_m: nodes.unit_m(),
+        root_log2: root.log2_size.into(),
+        rows,
+        samples,
+        distance_weights: [w.projection, w.perturbation, w.boundary],
+        occupancy_weight: w.occupancy,
+        eikonal_weights: [w.eikonal_space, w.eikonal_surface, w.eikonal_surface],
+        consistency_weight: w.consistency,
+        rate: parameters.rate,
+        occupancy_rate: parameters.occupancy_rate,
+        decoder_rate: parameters.decoder_rate,
+        gradient_scale: samples.max(1).next_power_of_two() as f32,
+    }
 }
 
 impl Training {
@@ -109,6 +136,11 @@ impl Training {
         self.samples.grow(gpu, samples)?;
         self.sites.grow(gpu, samples)?;
         self.logits.grow(gpu, samples)
+    }
+
+    /// Sets the numbers of the next step.
+    pub(super) fn set(&self, gpu: &Gpu, step: Step) {
+        gpu.write(&self.step, &[step]);
     }
 
     /// Records the passes that find losses and gradients of the first `samples` samples.

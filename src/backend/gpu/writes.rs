@@ -46,6 +46,11 @@ struct Part<'a> {
 }
 
 impl<'a> Writes<'a> {
+    /// What goes to the GPU, bytes.
+    pub(super) fn bytes(&self) -> usize {
+        self.sheets.iter().map(|sheet| sheet.words.len() * 4).sum()
+    }
+
     /// Adds records of `N` words, each with the index of its place.
     pub(super) fn add<const N: usize>(
         &mut self,

@@ -94,7 +94,7 @@ impl AblationArgs {
             ..MapSettings::default()
         };
         let (mut mapper, tally) = recording.map(&settings, noise)?;
-        let field = judge(&mapper.publish(), truth)?.geometry.and_then(|g| g.field);
+        let field = judge(&*mapper.publish_all()?, truth)?.geometry.and_then(|g| g.field);
         let field =
             field.ok_or_else(|| Error::invalid("data", "the recording has no gt_sdf.npz"))?;
         let noise = noise.map_or_else(|| "none".to_owned(), |noise| noise.to_string());

@@ -90,7 +90,7 @@ struct Made {
 
 fn make(recording: &Recording, truth: &Truth, settings: &MapSettings) -> anyhow::Result<Made> {
     let (mut mapper, tally) = recording.map(settings, None)?;
-    let report = judge(&mapper.publish(), truth)?;
+    let report = judge(&*mapper.publish_all()?, truth)?;
     let stats = mapper.stats();
     Ok(Made { report, seconds: tally.seconds, steps: stats.steps, rows: stats.rows })
 }

@@ -105,7 +105,7 @@ impl QueryBenchArgs {
         let indices = (0..data.len()).collect();
         let settings = MapSettings { profile, steps: Some(self.steps), ..MapSettings::default() };
         let (mut mapper, _) = Recording { data, indices }.map(&settings, None)?;
-        Ok(mapper.publish())
+        Ok(mapper.publish_all()?)
     }
 }
 

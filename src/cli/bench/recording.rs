@@ -10,7 +10,7 @@ use crate::cli::map::{Progress, Tally, integrate};
 use crate::config::{MapConfig, MapSettings};
 use crate::dataset::{self, Dataset, Format, FrameRange, Noise};
 use crate::error::{Error, Result};
-use crate::map::Mapper;
+use crate::map::{Mapper, Trainer};
 
 /// The folder whose folders are recordings.
 const DATA: &str = "ORENX_TEST_DATA";
@@ -61,6 +61,7 @@ impl Recording {
     ) -> Result<(Mapper, Tally)> {
         let start = Instant::now();
         let mut mapper = Mapper::new(MapConfig::from_settings(settings)?)?;
+        mapper.train_on(Trainer::of(settings.backend))?;
         let mut progress = Progress::on_terminals_only(self.indices.len());
         let never = AtomicBool::new(false);
         let data = self.data.as_ref();

@@ -107,7 +107,7 @@ pub(in crate::backend) fn found(
     let host = Host { nodes: tree, prior: &tree.prior };
     let report = backend.accumulate(&host, batch, p).expect("a valid batch");
     let rows = backend.rows.gradients(&backend.outputs);
-    let site = |site: &super::plan::Site| (site.centre, site.eikonal.then_some(site.around));
+    let site = |site: &plan::Site| (site.centre, site.eikonal.then_some(site.around));
     Found {
         sites: backend.plan.sites.iter().map(site).collect(),
         rows: rows.into_iter().map(|(row, g)| (row, g.columns, g.occupied)).collect(),

@@ -1,9 +1,11 @@
 //! Every kernel against its twin on the CPU, on whatever adapter there is: no adapter is a failure.
 
+mod labels;
 mod shaders;
 mod twins;
 
 use super::*;
+use crate::backend::StepParameters;
 use crate::backend::cpu::tests as twin;
 use crate::config::Profile;
 use crate::modality::test_tree::Tree;
@@ -11,8 +13,7 @@ use crate::train::Batch;
 
 /// A backend on any adapter, with the rows and decoders of a CPU backend.
 fn like(cpu: &crate::backend::CpuBackend, profile: Profile, tree: &Tree) -> GpuBackend {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-    let mut gpu = GpuBackend::new(&twin::config(profile), Adapters::Any, 1024, Arc::new(pool))
+    let mut gpu = GpuBackend::new(&twin::config(profile), Adapters::Any, 1024)
         .expect("an adapter: tests need a Vulkan driver, software will do");
     gpu.reserve(tree.rows.len()).expect("room");
     gpu.rows_used = tree.rows.len();
@@ -33,7 +34,7 @@ fn like(cpu: &crate::backend::CpuBackend, profile: Profile, tree: &Tree) -> GpuB
 fn run(gpu: &mut GpuBackend, tree: &Tree, batch: &Batch, p: &StepParameters, step: bool) {
     let samples = batch.points.len() as u32;
     gpu.training.upload(&gpu.gpu, batch).expect("room");
-    gpu.set(tree, samples, p);
+    gpu.training.set(&gpu.gpu, training::numbers(tree, gpu.rows_used as u32, samples, p));
     let mut passes = Passes::new(&gpu.gpu, None);
     let model = gpu.model();
     gpu.training.accumulate(&gpu.gpu, &mut passes, &model, p.stencil, samples).expect("passes");

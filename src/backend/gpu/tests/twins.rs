@@ -3,9 +3,28 @@
 use super::*;
 use crate::backend::gpu::layout::{self, Site};
 use crate::modality::losses::Stencil;
+use crate::octree::Found;
 
 const VARIANTS: [(Profile, Stencil); 2] =
     [(Profile::Lite, Stencil::Forward), (Profile::Full, Stencil::Central)];
+
+/// A voxel in one word, as shaders have it.
+fn packed(found: Found) -> u32 {
+    if found.is_some() { found.node << 5 | u32::from(found.log2_size) } else { layout::NONE }
+}
+
+/// The lanes' gradients of a decoder's weights, summed.
+fn weight_gradients(gpu: &GpuBackend, decoder: &GpuDecoder, weights: usize) -> Vec<f32> {
+    let lanes = gpu.gpu.read::<f32>(&decoder.partials, decoder.partials.size() as usize / 4);
+    let lanes = lanes.expect("partial sums");
+    let mut sum = vec![0.0; weights];
+    for lane in lanes.chunks_exact(weights + layout::LOSSES) {
+        for (sum, by) in sum.iter_mut().zip(lane) {
+            *sum += by;
+        }
+    }
+    sum
+}
 
 /// Fails unless every number is near its twin, measured by the largest of them.
 fn assert_near(name: &str, found: &[f32], expected: &[f32], tolerance: f32) {
@@ -45,11 +64,11 @@ fn samples_are_found_where_the_twin_finds_them() {
         let sites = gpu.gpu.read::<Site>(&gpu.training.sites.buffer, 500).expect("sites");
         let points = stencil.offsets().len();
         for (i, (site, (centre, around))) in sites.iter().zip(&expected.sites).enumerate() {
-            assert_eq!(site.centre, layout::pack_voxel(*centre), "sample {i}");
+            assert_eq!(site.centre, packed(*centre), "sample {i}");
             match around {
                 None => assert_eq!(site.around[0], layout::NONE, "sample {i}"),
                 Some(around) => {
-                    let around = around.map(layout::pack_voxel);
+                    let around = around.map(packed);
                     assert_eq!(site.around[..points], around[..points], "sample {i}");
                 }
             }
@@ -78,7 +97,7 @@ fn losses_and_gradients_are_those_of_the_twin() {
         let (mut found_columns, mut expected_columns) =
             ([(); 28].map(|()| vec![]), [(); 28].map(|()| vec![]));
         for (row, columns, occupied) in &expected.rows {
-            touched[*row as usize] = 1 | 2 * u32::from(*occupied);
+            touched[*row as usize] = if *occupied { 3 } else { 1 };
             for c in 0..28 {
                 let units = match c {
                     0..16 => 2048.0,
@@ -95,14 +114,13 @@ fn losses_and_gradients_are_those_of_the_twin() {
         for c in 0..28 {
             assert_near(&format!("column {c}"), &found_columns[c], &expected_columns[c], 2e-3);
         }
-        let report = gpu.report().expect("a report").step;
-        assert_eq!(report.samples, expected.report.samples);
-        for ((name, found), (_, expected)) in
-            report.losses.named().iter().zip(expected.report.losses.named())
-        {
-            let error = (found - expected).abs();
-            assert!(error <= 1e-4 * (expected.abs() + 1.0), "{name}: {found}, not {expected}");
-        }
+        let expected_weights = &expected.by_sdf_weights;
+        let found = weight_gradients(&gpu, &gpu.sdf, expected_weights.len());
+        assert_near("sdf decoder", &found, expected_weights, 1e-4);
+        let expected_weights = &expected.by_occupancy_weights;
+        let occupancy = gpu.occupancy.as_ref().expect("occupancy");
+        let found = weight_gradients(&gpu, occupancy, expected_weights.len());
+        assert_near("occupancy decoder", &found, expected_weights, 1e-4);
     }
 }
 
@@ -116,13 +134,27 @@ fn steps_are_those_of_the_twin() {
         let mut gpu = like(&cpu, profile, &tree);
         for _ in 0..3 {
             run(&mut gpu, &tree, &batch, &p, true);
-            twin::step(&mut cpu, &tree, &batch, &p);
+            let expected = twin::step(&mut cpu, &tree, &batch, &p);
+            let found = gpu.report().expect("a report").step;
+            assert_eq!((found.samples, found.rows), (expected.samples, expected.rows));
+            let expected = expected.losses.named();
+            for ((name, found), (_, expected)) in found.losses.named().iter().zip(expected) {
+                let error = (found - expected).abs();
+                assert!(error <= 1e-4 * (expected.abs() + 1.0), "{name}: {found}, not {expected}");
+            }
         }
         let (found, expected) = (gpu.export().expect("a state"), cpu.export().expect("a state"));
-        let flat = |state: &BackendState| -> Vec<f32> {
+        // Adam divides a gradient by its own size: where it is a few units of fixed point, rounding
+        // shows in the step. Such columns are few, and no step exceeds its rate.
+        let columns = |state: &BackendState| -> Vec<f32> {
             state.learned.iter().flat_map(layout::columns).collect()
         };
-        assert_near("learned rows", &flat(&found), &flat(&expected), 1e-3);
+        let (found_columns, expected_columns) = (columns(&found), columns(&expected));
+        let errors = found_columns.iter().zip(&expected_columns).map(|(f, e)| (f - e).abs());
+        let errors: Vec<f32> = errors.collect();
+        let rounded = errors.iter().filter(|&&e| e > 2e-5).count();
+        assert!(rounded * 100 < errors.len(), "{rounded} of {} columns", errors.len());
+        assert!(errors.iter().all(|&e| e < 3.0 * p.occupancy_rate), "a step beyond its rate");
         let steps = |state: &BackendState| -> Vec<(u32, u32)> {
             state.moments.iter().map(|m| (m.sdf_steps, m.occupancy_steps)).collect()
         };
