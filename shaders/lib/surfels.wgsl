@@ -1,8 +1,8 @@
 // The observed surface, asked for signed distances; the twin of src/surface/label.rs. The kernel
 // declares `draw`, what lib/octree needs, and `anchors` (nearest surfel and the epoch that last saw
 // through it, by row), `surfels`, `bricks` (a table with a power of two of slots: a brick's place,
-// and its id + 1 or 0) and `cells` (first surfel and the epoch since which it is free or 0; 512 a
-// brick). Constants: NEAR_M (how far cells are searched).
+// and its id + 1 or 0) and `cells` (first surfel and the epoch since which it is free or 0; CELLS
+// a brick). Constants: CELLS (8³), NEAR_M (how far cells are searched).
 #import lib/draw
 #import lib/octree
 
@@ -70,7 +70,7 @@ fn search_cell(cell: vec3i, point: vec3f, search: ptr<function, Search>) {
   if (*search).id == NONE {
     return;
   }
-  var id = cells[(*search).id * 512u + cell_index(cell)].x;
+  var id = cells[(*search).id * CELLS + cell_index(cell)].x;
   while id != NONE {
     let reach = distance_squared(point, surfels[id].position);
     if reach < (*search).reach {
@@ -125,7 +125,7 @@ fn free_since(point: vec3f) -> u32 {
   if id == NONE {
     return 0u;
   }
-  return cells[id * 512u + cell_index(cell)].y;
+  return cells[id * CELLS + cell_index(cell)].y;
 }
 
 // Signed distance of a point to the observed surface.

@@ -139,8 +139,8 @@ mod tests {
             let words = words.expect("pixels");
             words[place as usize..][..7].iter().map(|p| f32::from_bits(p[1])).collect()
         };
-        for i in 4..all.len() {
-            assert_eq!(there(&pixels, placed[i]), [i as f32; 7], "key frame {i}");
+        for (i, &place) in placed.iter().enumerate().skip(4) {
+            assert_eq!(there(&pixels, place), [i as f32; 7], "key frame {i}");
         }
         // One that is given up gives its place, though others are older.
         let given_up = placed[18];

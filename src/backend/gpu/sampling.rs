@@ -9,16 +9,17 @@ use super::pixels::Pixels;
 use super::pool::Pool;
 use super::shader::Constant;
 use super::surface::SurfaceMirror;
-use crate::backend::{MAX_SAMPLES, Work};
+use crate::backend::Work;
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
-use crate::surface::{NEAR_M, Surface};
+use crate::surface::{CELLS, NEAR_M, Surface};
 use crate::train::{
     FREE_END_M, FREE_START_M, KeyFrame, PERTURBED_LIMIT_M, PERTURBED_M, RAY_SAMPLES, stale_m,
 };
 
-/// Rays of a step, at most; the kernel multiplies their number by that of the frames in 32 bits.
-const MOST_RAYS: u32 = MAX_SAMPLES as u32 / RAY_SAMPLES;
+/// Rays of a step, at most: a pass has up to 65 535 workgroups of 64.
+const MOST_RAYS: u32 = 65_535 * 64 / RAY_SAMPLES;
+/// Frames that share them, at most: the kernel multiplies both numbers in 32 bits.
 const MOST_FRAMES: usize = (u32::MAX / MOST_RAYS) as usize;
 /// Bytes at multiples of which a uniform buffer may be bound on every adapter.
 const DRAW_BYTES: usize = 256;
@@ -26,8 +27,9 @@ const DRAW_BYTES: usize = 256;
 const _: () = assert!(size_of::<Draw>() <= DRAW_BYTES && RAY_SAMPLES == 4);
 
 /// The constants of train/sample.
-pub(super) fn constants() -> [(&'static str, Constant); 5] {
+pub(super) fn constants() -> [(&'static str, Constant); 6] {
     [
+        ("CELLS", Constant::U32(CELLS as u32)),
         ("NEAR_M", Constant::F32(NEAR_M)),
         ("FREE_START_M", Constant::F32(FREE_START_M)),
         ("FREE_END_M", Constant::F32(FREE_END_M)),

@@ -3,16 +3,14 @@
 
 use glam::Vec3;
 
+use super::world::World;
 use super::*;
 use crate::backend::CpuBackend;
 use crate::backend::gpu::layout::{NONE, Sample, Step};
 use crate::backend::gpu::pool::Pool;
-use crate::dataset::Dataset;
 use crate::dataset::synthetic::Synthetic;
 use crate::modality::losses::Stencil;
-use crate::octree::Topology;
-use crate::surface::{Lattice, Surface};
-use crate::train::{KeyFrame, RAY_SAMPLES, RayPlan, SampleKind, sample};
+use crate::train::{KeyFrame, RAY_SAMPLES, RayPlan, SampleKind, sample, stale_m};
 
 /// How far a point may lie from its twin, and a label be from its twin's, m: the logarithm and the
 /// cosine of a driver differ in the last bits, and so do sums.
@@ -28,101 +26,16 @@ const RAYS: u32 = 3000;
 const KINDS: [SampleKind; RAY_SAMPLES as usize] =
     [SampleKind::Surface, SampleKind::Free, SampleKind::Perturbed, SampleKind::Perturbed];
 
-/// What the host has of a map.
-struct World {
-    config: MapConfig,
-    topology: Topology,
-    surface: Surface,
-    pool: Arc<rayon::ThreadPool>,
-    window: Vec<KeyFrame>,
-    frames: u32,
-}
-
-/// What a frame changed.
-#[derive(Default)]
-struct Told {
-    nodes: Vec<u32>,
-    rows: Vec<u32>,
-    measured: Vec<u32>,
-    surfels: Vec<u32>,
-    bricks: Vec<u32>,
-    removed: usize,
-}
-
-impl Told {
-    fn changes(&self) -> Changes<'_> {
-        Changes {
-            nodes: &self.nodes,
-            rows: &self.rows,
-            voided: &[],
-            measured: &self.measured,
-            surfels: &self.surfels,
-            bricks: &self.bricks,
-        }
-    }
+fn plan(world: &World) -> RayPlan {
+    RayPlan { rays: RAYS, seed: 11, step: 7 * world.frames, eikonal_share: 0.3 }
 }
 
 impl World {
-    fn new() -> Self {
-        let config = twin::config(Profile::Lite);
-        let lattice = Lattice::new(&config);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-        Self {
-            topology: Topology::new(lattice.unit_m, lattice.brick),
-            surface: Surface::new(&config),
-            config,
-            pool: Arc::new(pool),
-            window: Vec::new(),
-            frames: 0,
-        }
-    }
-
-    /// Takes a frame in, as a mapper does; the window holds the last five.
-    fn see(&mut self, data: &Synthetic, index: usize) -> Told {
-        let frame = data.load(index, false).expect("a frame");
-        self.frames += 1;
-        let rows = self.topology.rows() as u32;
-        let change = self.surface.integrate(&frame, 0, self.frames, &mut self.topology, &self.pool);
-        let pixels = self.config.key_frame_pixels as usize;
-        self.window.push(KeyFrame::new(&frame, pixels, self.config.r0_m));
-        if self.window.len() > 5 {
-            self.window.remove(0);
-        }
-        Told {
-            nodes: self.topology.take_changed_nodes(),
-            rows: (rows..self.topology.rows() as u32).chain(change.prior.rows).collect(),
-            measured: change.prior.measured,
-            surfels: change.surfels,
-            bricks: change.touched_bricks,
-            removed: change.surfels_removed,
-        }
-    }
-
-    fn everything(&self) -> Told {
-        Told {
-            nodes: (0..self.topology.node_slots() as u32).collect(),
-            rows: (0..self.topology.rows() as u32).collect(),
-            measured: (0..self.topology.rows() as u32).collect(),
-            surfels: (0..self.surface.surfels.slots() as u32).collect(),
-            bricks: (0..self.surface.evidence.bricks() as u32).collect(),
-            removed: 0,
-        }
-    }
-
-    fn scene(&self) -> Scene<'_> {
-        let prior = self.surface.prior.values();
-        Scene { topology: &self.topology, surface: &self.surface, prior }
-    }
-
-    fn plan(&self) -> RayPlan {
-        RayPlan { rays: RAYS, seed: 11, step: 7 * self.frames, eikonal_share: 0.3 }
-    }
-
     /// The label of a sample, if the host keeps it.
     fn says(&self, kind: SampleKind, point: Vec3) -> Option<f32> {
         let (distance, _) = self.surface.label(&self.topology, point)?;
         let kept = match kind {
-            SampleKind::Surface => distance.abs() <= crate::train::stale_m(&self.surface),
+            SampleKind::Surface => distance.abs() <= stale_m(&self.surface),
             SampleKind::Free => distance >= 0.0,
             SampleKind::Perturbed => true,
         };
@@ -193,7 +106,7 @@ impl Drawer {
     fn draw(&mut self, world: &World, steps: u32, step: u32) -> Vec<Sample> {
         let frames: Vec<&KeyFrame> = world.window.iter().collect();
         let parameters = twin::parameters(Stencil::Forward);
-        let plan = world.plan();
+        let plan = plan(world);
         let work = Work { frames: &frames, plan, steps, parameters };
         let count = self.sampling.prepare(&self.gpu, &world.surface, &work).expect("room");
         assert_eq!(count, RAYS * RAY_SAMPLES);
@@ -252,7 +165,7 @@ impl Reader {
 /// empty slots.
 fn compare(world: &World, found: &[Sample], step: u32) -> Compared {
     let frames: Vec<&KeyFrame> = world.window.iter().collect();
-    let plan = RayPlan { step: world.plan().step + step, ..world.plan() };
+    let plan = RayPlan { step: plan(world).step + step, ..plan(world) };
     let batch = sample(&plan, &frames, &world.topology, &world.surface, &world.pool);
     let mut reader = Reader { batch, next: 0 };
     let mut all = Compared::default();
@@ -400,7 +313,7 @@ fn work_is_that_of_the_cpu() {
         let told = world.see(&data, index);
         let frames: Vec<&KeyFrame> = world.window.iter().collect();
         let parameters = twin::parameters(Stencil::Forward);
-        let work = Work { frames: &frames, plan: world.plan(), steps: 2, parameters };
+        let work = Work { frames: &frames, plan: plan(&world), steps: 2, parameters };
         let mut reports = Vec::new();
         let backends: [&mut dyn Backend; 2] = [&mut cpu, &mut gpu];
         for backend in backends {
@@ -422,7 +335,7 @@ fn work_is_that_of_the_cpu() {
     // Nothing to draw from is no work.
     let work = Work {
         frames: &[],
-        plan: world.plan(),
+        plan: plan(&world),
         steps: 2,
         parameters: twin::parameters(Stencil::Forward),
     };

@@ -3,6 +3,7 @@
 mod labels;
 mod shaders;
 mod twins;
+mod world;
 
 use super::*;
 use crate::backend::StepParameters;
