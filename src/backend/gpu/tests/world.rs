@@ -5,7 +5,7 @@ use crate::dataset::Dataset;
 use crate::dataset::synthetic::Synthetic;
 use crate::octree::Topology;
 use crate::surface::{Lattice, Surface};
-use crate::train::KeyFrame;
+use crate::train::{KeyFrame, Pixel};
 
 /// What the host has of a map.
 pub(super) struct World {
@@ -13,6 +13,7 @@ pub(super) struct World {
     pub(super) topology: Topology,
     pub(super) surface: Surface,
     pub(super) pool: Arc<rayon::ThreadPool>,
+    /// The last five frames, and one from close by.
     pub(super) window: Vec<KeyFrame>,
     pub(super) frames: u32,
 }
@@ -56,17 +57,18 @@ impl World {
         }
     }
 
-    /// Takes a frame in, as a mapper does; the window holds the last five.
+    /// Takes a frame in, as a mapper does.
     pub(super) fn see(&mut self, data: &Synthetic, index: usize) -> Told {
         let frame = data.load(index, false).expect("a frame");
         self.frames += 1;
         let rows = self.topology.rows() as u32;
         let change = self.surface.integrate(&frame, 0, self.frames, &mut self.topology, &self.pool);
         let pixels = self.config.key_frame_pixels as usize;
-        self.window.push(KeyFrame::new(&frame, pixels, self.config.r0_m));
-        if self.window.len() > 5 {
-            self.window.remove(0);
-        }
+        let view = KeyFrame::new(&frame, pixels, self.config.r0_m);
+        self.window.pop();
+        self.window.truncate(4);
+        self.window.insert(0, view.clone());
+        self.window.push(close_by(view));
         Told {
             nodes: self.topology.take_changed_nodes(),
             rows: (rows..self.topology.rows() as u32).chain(change.prior.rows).collect(),
@@ -92,4 +94,13 @@ impl World {
         let prior = self.surface.prior.values();
         Scene { topology: &self.topology, surface: &self.surface, prior }
     }
+}
+
+/// The middle pixel of a frame as if it were seen from nearer than free space begins.
+fn close_by(mut frame: KeyFrame) -> KeyFrame {
+    let pixel = frame.pixels[frame.pixels.len() / 2];
+    let close = Pixel { z: 0.13, ..pixel };
+    frame.origin += frame.direction(pixel) * (pixel.z - close.z);
+    frame.pixels = [close].into();
+    frame
 }
