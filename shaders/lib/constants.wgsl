@@ -24,28 +24,28 @@ const SURFACE = 2u;
 
 // Most points of a stencil; the distance from its centre, m.
 const STENCIL_POINTS = 6u;
-const STENCIL_M = 0.03;
-const CONTEXT_LIMIT_M = 1.0;
-const RESIDUAL_SCALE_M = 0.1;
-const SURFACE_LOGIT = 1.0986123;
-const OCCUPANCY_WIDTH_M = 0.025;
-const PRIOR_LIMIT = 4.0;
-const CONFIDENT_LOGIT = 2.0;
-const SAFE_NORM = 1e-12;
+const STENCIL_M: f32 = 0.03;
+const CONTEXT_LIMIT_M: f32 = 1.0;
+const RESIDUAL_SCALE_M: f32 = 0.1;
+const SURFACE_LOGIT: f32 = 1.0986123;
+const OCCUPANCY_WIDTH_M: f32 = 0.025;
+const PRIOR_LIMIT: f32 = 4.0;
+const CONFIDENT_LOGIT: f32 = 2.0;
+const SAFE_NORM: f32 = 1e-12;
 
 // Adam.
-const BETA1 = 0.9;
-const BETA2 = 0.999;
-const LOG2_BETA1 = -0.15200309344504997;
-const LOG2_BETA2 = -0.0014434168696687186;
-const EPSILON = 1e-8;
+const BETA1: f32 = 0.9;
+const BETA2: f32 = 0.999;
+const LOG2_BETA1: f32 = -0.15200309344504997;
+const LOG2_BETA2: f32 = -0.0014434168696687186;
+const EPSILON: f32 = 1e-8;
 
 // Gradients of rows are summed in fixed point, so that the order of the sums does not show: units
 // in which a sample's share counts, per column, before the factor of the batch's size.
-const DISTANCE_UNITS = 256.0;
-const GRADIENT_UNITS = 2048.0;
-const SDF_UNITS = 2048.0;
-const OCCUPANCY_UNITS = 524288.0;
+const DISTANCE_UNITS: f32 = 256.0;
+const GRADIENT_UNITS: f32 = 2048.0;
+const SDF_UNITS: f32 = 2048.0;
+const OCCUPANCY_UNITS: f32 = 524288.0;
 
 // Losses, in the order in which they are summed and read back.
 const LOSSES = 8u;

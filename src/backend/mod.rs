@@ -18,7 +18,10 @@ use crate::surface::Surface;
 use crate::train::{KeyFrame, RayPlan};
 
 pub use cpu::{CpuBackend, Host};
-pub use gpu::{Adapters, GpuBackend};
+pub use gpu::{AdapterReport, Adapters, GpuBackend, adapters};
+
+/// The pass that draws and labels samples, where that is a pass of the host.
+pub const LABELS: &str = "labels";
 
 /// Most samples of one step.
 pub const MAX_SAMPLES: usize = 1 << 22;
@@ -110,8 +113,16 @@ pub struct WorkReport {
     /// Rays of all its steps, and the time that they took; no rays if nothing was measured.
     pub rays: u32,
     pub took: Duration,
-    /// Its passes by name, and the time of each, ms.
-    pub passes: Vec<(&'static str, f32)>,
+    pub passes: Vec<Pass>,
+}
+
+/// A kind of pass over data, all of it that was in one piece of work.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pass {
+    pub name: &'static str,
+    pub ms: f32,
+    /// What it reads and writes at least, if every byte moves once; 0 where that is not known.
+    pub least_bytes: u64,
 }
 
 /// What a step did.

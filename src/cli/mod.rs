@@ -6,6 +6,7 @@
 
 pub mod bench;
 pub mod demo;
+pub mod doctor;
 pub mod eval;
 mod invocation;
 pub mod map;
@@ -40,6 +41,7 @@ enum Command {
     Slice(slice::SliceArgs),
     Mesh(mesh::MeshArgs),
     Bench(bench::BenchArgs),
+    Doctor(doctor::DoctorArgs),
 }
 
 /// Parses the process's arguments and runs the subcommand. Wrong arguments end the process with
@@ -56,6 +58,7 @@ pub fn run() -> ExitCode {
         Command::Slice(arguments) => arguments.run(),
         Command::Mesh(arguments) => arguments.run(),
         Command::Bench(arguments) => arguments.run(),
+        Command::Doctor(arguments) => arguments.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -260,6 +260,7 @@ mod tests {
     use crate::dataset::Dataset;
     use crate::dataset::synthetic::Synthetic;
     use crate::engine::{FrameSink, Queue, QueuePolicy, Session};
+    use crate::map::lose_device;
 
     struct Nobody;
 
@@ -391,6 +392,30 @@ mod tests {
             assert_eq!(published(&owner).stats.steps - steps, refined, "and then nothing");
             assert_eq!(published(&owner).stats.frames, 3 * (round as u64 + 1));
         }
+    }
+
+    #[test]
+    fn a_lost_device_ends_the_thread_and_leaves_a_map() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("map.orenx");
+        let mut owner = owner();
+        owner.settings.store = Some(path.clone());
+        frame(&mut owner, 0);
+        lose_device(&mut owner.mapper).expect("a CPU backend");
+        let room = Synthetic::room(100).with_width(64);
+        let job = Job {
+            frame: room.load(1, false).expect("a frame"),
+            ticket: Ticket::new(Box::new(Told::default())),
+            session: Session::default(),
+            arrived: Instant::now(),
+        };
+        assert!(matches!(owner.integrate(job, 0), Err(Error::DeviceLost(_))));
+        // The thread's whole life: nobody asks it to stop, the refinement that is due ends it.
+        owner.refining = true;
+        let ended = owner.live();
+        assert!(matches!(ended, Err(Error::DeviceLost(_))), "{ended:?}");
+        let mapper = storage::load(&path).expect("the map was saved");
+        assert_eq!(mapper.stats().frames, 2);
     }
 
     #[test]

@@ -9,7 +9,7 @@ use super::budget::Sizes;
 use super::robots::Robots;
 use super::trainer::Trainer;
 use super::view::Store;
-use crate::backend::{Backend, Changes, Scene, StepParameters, Work, WorkReport};
+use crate::backend::{Backend, Changes, LABELS, Pass, Scene, StepParameters, Work, WorkReport};
 use crate::config::{MapConfig, Prior};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
@@ -60,6 +60,9 @@ pub struct MapStats {
     /// same input gives the same file.
     #[serde(skip)]
     pub stages_ms: Vec<(String, f32)>,
+    /// Passes of the training that was finished last.
+    #[serde(skip)]
+    pub passes: Vec<Pass>,
 }
 
 /// Owns the map and its backend; used by one thread.
@@ -200,9 +203,15 @@ impl Mapper {
         };
         let work = Work { frames: &frames, plan, steps: pace.steps, parameters };
         let scene = scene(&self.config, &self.topology, &self.surface, &self.no_prior);
+        let start = Instant::now();
         self.backend.train(&scene, &work)?;
         self.stats.steps += u64::from(pace.steps);
         self.hear();
+        let ms = start.elapsed().as_secs_f32() * 1e3;
+        let labels = self.stats.passes.iter().find(|pass| pass.name == LABELS);
+        let labels_ms = labels.map_or(0.0, |pass| pass.ms);
+        self.add_to_stage("labels", labels_ms);
+        self.add_to_stage("train", ms - labels_ms);
         Ok(())
     }
 
@@ -212,9 +221,7 @@ impl Mapper {
         self.schedule.learn(rays, took);
         self.stats.losses =
             step.losses.named().map(|(name, loss)| (name.to_owned(), loss as f32)).to_vec();
-        for (name, ms) in passes {
-            self.add_to_stage(name, ms);
-        }
+        self.stats.passes = passes;
     }
 
     fn parameters(&self, rate: f32) -> StepParameters {

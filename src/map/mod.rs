@@ -22,4 +22,6 @@ pub use robots::Robots;
 pub use slice::{Plane, Slice, draw_slice, slice};
 pub use state::{MapperState, Progress, ViewRecord, ViewState};
 pub use trainer::Trainer;
+#[cfg(test)]
+pub(crate) use trainer::tests::lose_device;
 pub use view::MapView;

@@ -149,3 +149,111 @@ impl Mapper {
         Ok(())
     }
 }
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::backend::{Scene, Work, WorkReport};
+    use crate::config::{MapConfig, MapSettings};
+    use crate::dataset::Dataset;
+    use crate::dataset::synthetic::Synthetic;
+    use crate::map::Fields;
+    use crate::modality::Decoders;
+
+    /// A backend whose device is lost with the next step.
+    struct Lost(Box<dyn Backend>);
+
+    impl Backend for Lost {
+        fn adapter(&self) -> Option<&str> {
+            Some("a test")
+        }
+
+        fn gpu_peak_bytes(&self) -> u64 {
+            self.0.gpu_peak_bytes()
+        }
+
+        fn reserve(&mut self, rows: usize) -> Result<usize> {
+            self.0.reserve(rows)
+        }
+
+        fn follow(&mut self, scene: &Scene<'_>, changes: &Changes<'_>) -> Result<()> {
+            self.0.follow(scene, changes)
+        }
+
+        fn train(&mut self, _: &Scene<'_>, _: &Work<'_>) -> Result<()> {
+            Err(Error::DeviceLost("taken away by a test".into()))
+        }
+
+        fn finish(&mut self) -> Result<()> {
+            Err(Error::DeviceLost("taken away by a test".into()))
+        }
+
+        fn report(&mut self) -> Option<WorkReport> {
+            None
+        }
+
+        fn read_changed(&mut self, visit: &mut dyn FnMut(u32, &LearnedRow)) {
+            self.0.read_changed(visit);
+        }
+
+        fn decoders(&self) -> Arc<Decoders> {
+            self.0.decoders()
+        }
+
+        fn export(&self) -> Result<BackendState> {
+            Err(Error::DeviceLost("taken away by a test".into()))
+        }
+
+        fn import(&mut self, state: BackendState) -> Result<()> {
+            self.0.import(state)
+        }
+
+        fn memory_bytes(&self) -> u64 {
+            self.0.memory_bytes()
+        }
+    }
+
+    /// Takes the device away from a mapper.
+    pub(crate) fn lose_device(mapper: &mut Mapper) -> Result<()> {
+        let cpu = CpuBackend::new(&mapper.config, mapper.trainers.clone())?;
+        let backend = std::mem::replace(&mut mapper.backend, Box::new(cpu));
+        mapper.backend = Box::new(Lost(backend));
+        Ok(())
+    }
+
+    #[test]
+    fn what_readers_had_survives_a_lost_device() {
+        let config = MapConfig::from_settings(&MapSettings::default()).expect("defaults");
+        let room = Synthetic::room(100).with_width(64);
+        let mut mapper = Mapper::new(config).expect("an empty map");
+        for index in 0..3 {
+            mapper.integrate(&room.load(index, false).expect("a frame")).expect("integrated");
+        }
+        let before = mapper.publish_all().expect("a view");
+        lose_device(&mut mapper).expect("a CPU backend");
+        let lost = mapper.integrate(&room.load(3, false).expect("a frame"));
+        assert!(matches!(lost, Err(Error::DeviceLost(_))), "{lost:?}");
+        assert!(mapper.state().is_err(), "there is nothing to read");
+
+        mapper.rescue().expect("the CPU takes over");
+        assert_eq!(mapper.adapter(), None);
+        let learned = mapper.state().expect("a state").backend.learned;
+        assert!(learned.iter().any(|row| row.sdf_feature[0] != 0.0), "what was learned is there");
+        // The lost frame's surfaces are in the map; places that it did not touch answer as before.
+        let points: Vec<_> = mapper.topology.positions().iter().step_by(7).copied().collect();
+        let (old, new) = (
+            before.query(&points, Fields::DISTANCE),
+            mapper.publish().query(&points, Fields::DISTANCE),
+        );
+        let known: Vec<f32> = old
+            .distance
+            .iter()
+            .zip(&new.distance)
+            .filter(|(old, new)| old.is_finite() && new.is_finite())
+            .map(|(old, new)| (old - new).abs())
+            .collect();
+        let same = known.iter().filter(|&&difference| difference < 1e-3).count();
+        assert!(known.len() > 100 && same * 10 > known.len() * 8, "{same} of {}", known.len());
+        mapper.integrate(&room.load(4, false).expect("a frame")).expect("mapping goes on");
+    }
+}

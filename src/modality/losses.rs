@@ -8,7 +8,7 @@ pub const STENCIL_M: f32 = 0.03;
 /// surface label's ln 3, or every surface point would count.
 pub const CONFIDENT_LOGIT: f32 = 2.0;
 /// Keeps the norm of a zero gradient differentiable.
-const SAFE_NORM: f32 = 1e-12;
+pub const SAFE_NORM: f32 = 1e-12;
 
 /// How the Eikonal term takes ∇f.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -100,6 +100,7 @@ pub fn map_stats_from_wire(message: v1::GetMapStatsReply) -> Result<MapReport> {
             voxels_refused: message.voxels_refused,
             losses: values_from_wire(message.losses),
             stages_ms: values_from_wire(message.stages_ms),
+            passes: Vec::new(),
         },
         counts: FrameCounts {
             received: counts.received,
@@ -189,6 +190,7 @@ mod tests {
                 voxels_refused: 13,
                 losses: vec![("sdf_surface".into(), 0.5)],
                 stages_ms: vec![("train".into(), 2.25), ("publish".into(), 0.125)],
+                passes: Vec::new(),
             },
             counts: FrameCounts {
                 received: 20,

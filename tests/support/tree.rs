@@ -74,13 +74,6 @@ impl Tree {
     }
 }
 
-impl Tree {
-    /// Nodes, holes included.
-    pub(crate) fn node_slots(&self) -> usize {
-        self.children.len()
-    }
-}
-
 impl NodeSource for Tree {
     fn root(&self) -> Option<Root> {
         Some(self.root)

@@ -1,8 +1,8 @@
 //! Adam, with the step count of whatever is stepped (paper eq:onlineadam).
 
-const BETA1: f32 = 0.9;
-const BETA2: f32 = 0.999;
-const EPSILON: f32 = 1e-8;
+pub(in crate::backend) const BETA1: f32 = 0.9;
+pub(in crate::backend) const BETA2: f32 = 0.999;
+pub(in crate::backend) const EPSILON: f32 = 1e-8;
 /// Step counts whose corrections are tabulated.
 const TABLE: u32 = 4096;
 

@@ -5,7 +5,7 @@
 //! chunk order, for each row and each decoder weight. So a step has the same bits on any number of
 //! threads (per instruction set), keeps the full range of f32, and threads never contend.
 
-mod adam;
+pub(super) mod adam;
 mod chunk;
 mod interpolate;
 mod objective;
@@ -27,8 +27,8 @@ use self::chunk::{CHUNK, Inputs, Output, Workspace};
 use self::plan::Plan;
 use self::rows::Rows;
 use super::{
-    Backend, BackendState, Changes, DecoderState, LearnedRow, Losses, MAX_SAMPLES, ROW_BYTES,
-    Scene, StepParameters, StepReport, Work, WorkReport,
+    Backend, BackendState, Changes, DecoderState, LABELS, LearnedRow, Losses, MAX_SAMPLES, Pass,
+    ROW_BYTES, RowMoments, Scene, StepParameters, StepReport, Work, WorkReport,
 };
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
@@ -59,6 +59,18 @@ pub struct CpuBackend {
     /// One for each thread of the pool; a lock is only ever taken by its own thread.
     workspaces: Vec<Mutex<Workspace>>,
     report: Option<WorkReport>,
+    times: Times,
+}
+
+/// Where the time of some steps went.
+#[derive(Debug, Default)]
+struct Times {
+    /// Samples located and sorted.
+    plan: Duration,
+    /// Fields, losses and gradients.
+    fields: Duration,
+    /// Gradients summed, rows and decoders stepped.
+    optimise: Duration,
 }
 
 /// Adam's memory of a decoder, and its summed gradient.
@@ -129,6 +141,7 @@ impl CpuBackend {
             plan: Plan::default(),
             outputs: Vec::new(),
             report: None,
+            times: Times::default(),
         })
     }
 
@@ -142,15 +155,21 @@ impl CpuBackend {
         check(host, batch, self.rows.len())?;
         let pool = self.pool.clone();
         pool.install(|| {
+            let start = Instant::now();
             self.plan.make(host.nodes, self.rows.len(), batch, parameters);
             let samples = self.plan.order.len();
+            let planned = Instant::now();
+            self.times.plan += planned - start;
             self.run_chunks(host, batch, parameters);
+            self.times.fields += planned.elapsed();
+            let evaluated = Instant::now();
             self.rows.collect(&self.outputs);
             self.sdf_memory.collect(self.outputs.iter().map(|o| &o.by_sdf_weights[..]));
             if self.train_occupancy {
                 let chunks = self.outputs.iter().map(|o| &o.by_occupancy_weights[..]);
                 self.occupancy_memory.collect(chunks);
             }
+            self.times.optimise += evaluated.elapsed();
             Ok(StepReport { losses: self.mean_losses(), samples, rows: 0 })
         })
     }
@@ -251,6 +270,7 @@ impl CpuBackend {
         if report.samples == 0 {
             return Ok(report);
         }
+        let start = Instant::now();
         let pool = self.pool.clone();
         report.rows = pool.install(|| self.rows.step(&self.outputs, parameters));
         let decoders = Arc::make_mut(&mut self.decoders);
@@ -258,6 +278,7 @@ impl CpuBackend {
         if self.train_occupancy {
             self.occupancy_memory.step(&mut decoders.occupancy, parameters.decoder_rate);
         }
+        self.times.optimise += start.elapsed();
         Ok(report)
     }
 }
@@ -295,8 +316,19 @@ impl Backend for CpuBackend {
             report.rays += plan.rays;
         }
         report.took = start.elapsed();
-        let ms = |time: Duration| time.as_secs_f32() * 1e3;
-        report.passes = vec![("labels", ms(labels)), ("train", ms(report.took - labels))];
+        let pass = |name, time: Duration, least_bytes| Pass {
+            name,
+            ms: time.as_secs_f32() * 1e3,
+            least_bytes,
+        };
+        let times = std::mem::take(&mut self.times);
+        let rows = (report.step.rows * (size_of::<LearnedRow>() + size_of::<RowMoments>())) as u64;
+        report.passes = vec![
+            pass(LABELS, labels, 0),
+            pass("plan", times.plan, 0),
+            pass("fields", times.fields, 0),
+            pass("optimise", times.optimise, 2 * rows * u64::from(work.steps)),
+        ];
         self.report = Some(report);
         Ok(())
     }

@@ -19,6 +19,45 @@ pub enum Adapters {
     Any,
 }
 
+/// An adapter that the machine has.
+#[derive(Debug, Clone)]
+pub struct AdapterReport {
+    pub name: String,
+    pub driver: String,
+    /// "discrete GPU", "software", ...
+    pub kind: &'static str,
+    pub is_hardware: bool,
+    /// Why it cannot be used, if it cannot.
+    pub unfit: Option<String>,
+    /// What kernels depend on, by name.
+    pub limits: Vec<(&'static str, u64)>,
+    /// Whether it has timestamps.
+    pub has_timestamps: bool,
+}
+
+/// Every adapter of the machine that speaks Vulkan.
+pub fn adapters() -> Vec<AdapterReport> {
+    let report = |adapter: wgpu::Adapter| {
+        let (info, limits) = (adapter.get_info(), adapter.limits());
+        AdapterReport {
+            unfit: unfit(&adapter, Adapters::Any),
+            is_hardware: is_hardware(info.device_type),
+            kind: kind(info.device_type),
+            driver: format!("{} {}", info.driver, info.driver_info).trim().to_owned(),
+            name: info.name,
+            limits: vec![
+                ("bytes of a binding", limits.max_storage_buffer_binding_size),
+                ("bytes of a buffer", limits.max_buffer_size),
+                ("bytes of workgroup memory", limits.max_compute_workgroup_storage_size.into()),
+                ("invocations of a workgroup", limits.max_compute_invocations_per_workgroup.into()),
+                ("storage buffers of a kernel", limits.max_storage_buffers_per_shader_stage.into()),
+            ],
+            has_timestamps: adapter.features().contains(wgpu::Features::TIMESTAMP_QUERY),
+        }
+    };
+    found().into_iter().map(report).collect()
+}
+
 /// A device and its queue.
 #[derive(Debug)]
 pub(super) struct Gpu {
@@ -146,6 +185,12 @@ impl Gpu {
         Ok(bytemuck::pod_collect_to_vec(&view))
     }
 
+    /// What a device that is lost does.
+    #[cfg(test)]
+    pub(super) fn break_down(&self, why: &str) {
+        note(&self.fault, why.to_owned());
+    }
+
     /// Bytes of the device's memory in use.
     pub(super) fn allocated_bytes(&self) -> u64 {
         self.device.generate_allocator_report().map_or(0, |report| report.total_allocated_bytes)
@@ -164,13 +209,17 @@ fn note(fault: &Mutex<Option<String>>, what: String) {
     fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(what);
 }
 
-/// The best adapter that has what the kernels need.
-fn choose(adapters: Adapters) -> Result<wgpu::Adapter> {
+fn found() -> Vec<wgpu::Adapter> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
         backends: wgpu::Backends::VULKAN,
         ..wgpu::InstanceDescriptor::new_without_display_handle()
     });
-    let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+    pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN))
+}
+
+/// The best adapter that has what the kernels need.
+fn choose(adapters: Adapters) -> Result<wgpu::Adapter> {
+    let found = found();
     let mut refused = Vec::new();
     let mut fit = Vec::new();
     for adapter in found {
@@ -208,7 +257,18 @@ fn unfit(adapter: &wgpu::Adapter, adapters: Adapters) -> Option<String> {
     None
 }
 
-pub(super) fn is_hardware(kind: wgpu::DeviceType) -> bool {
+fn kind(kind: wgpu::DeviceType) -> &'static str {
+    use wgpu::DeviceType as T;
+    match kind {
+        T::DiscreteGpu => "discrete GPU",
+        T::IntegratedGpu => "integrated GPU",
+        T::VirtualGpu => "virtual GPU",
+        T::Cpu => "software",
+        T::Other => "unknown",
+    }
+}
+
+fn is_hardware(kind: wgpu::DeviceType) -> bool {
     use wgpu::DeviceType as T;
     matches!(kind, T::DiscreteGpu | T::IntegratedGpu | T::VirtualGpu)
 }

@@ -10,6 +10,8 @@ use crate::error::{Error, Result};
 pub(super) struct Kernel {
     /// Its file under `shaders/`.
     pub(super) name: &'static str,
+    /// The constants that it was compiled with.
+    pub(super) variant: String,
     pipeline: wgpu::ComputePipeline,
     layout: wgpu::BindGroupLayout,
     bindings: Vec<(String, u32)>,
@@ -84,7 +86,7 @@ impl Kernel {
             cache: None,
         });
         match pollster::block_on(scope.pop()) {
-            None => Ok(Self { name, pipeline, layout, bindings }),
+            None => Ok(Self { name, variant: variant(constants), pipeline, layout, bindings }),
             Some(error) => Err(wrong(error.to_string())),
         }
     }
@@ -109,6 +111,14 @@ impl Kernel {
         });
         Ok(Bound { kernel: self, group })
     }
+}
+
+fn variant(constants: &[(&str, Constant)]) -> String {
+    let text = |(name, value): &(&str, Constant)| match value {
+        Constant::U32(value) => format!("{name} {value}"),
+        Constant::F32(value) => format!("{name} {value}"),
+    };
+    constants.iter().map(text).collect::<Vec<_>>().join(", ").to_lowercase()
 }
 
 impl Bound<'_> {

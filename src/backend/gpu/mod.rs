@@ -30,8 +30,8 @@ use std::time::Duration;
 use rustc_hash::FxHashMap;
 
 use self::decoder::GpuDecoder;
-pub use self::device::Adapters;
 use self::device::Gpu;
+pub use self::device::{AdapterReport, Adapters, adapters};
 use self::mirror::Mirror;
 use self::passes::{Clock, Passes};
 use self::readback::{Collector, Readback, Results, Sources};
@@ -133,7 +133,7 @@ impl GpuBackend {
     /// Waits for what is under way and takes note of its results.
     fn hear(&mut self) -> Result<()> {
         let Some(readback) = self.under_way.take() else { return Ok(()) };
-        let (number, rays, submitted) = (readback.number, readback.rays, readback.submitted);
+        let Readback { number, rays, samples, submitted, .. } = readback;
         let results = readback.wait(&self.gpu, self.clock.as_deref())?;
         self.collector.learn(&results);
         self.peak_bytes = self.peak_bytes.max(self.gpu.allocated_bytes());
@@ -156,15 +156,12 @@ impl GpuBackend {
             decoders.occupancy.update(|weights| weights.copy_from_slice(&results.occupancy));
         }
         let step = report(&results);
+        let ms: f32 = results.passes.iter().map(|(_, ms)| ms).sum();
         let took = match &self.clock {
-            Some(_) => {
-                let ms: f32 = results.passes.iter().map(|(_, ms)| ms).sum();
-                Duration::from_secs_f32(ms.max(0.0) * 1e-3)
-            }
+            Some(_) => Duration::from_secs_f32(ms * 1e-3),
             None => submitted.elapsed(),
         };
-        let mut passes = results.passes;
-        passes.push(("train", took.as_secs_f32() * 1e3));
+        let passes = self.training.passes(&results, samples);
         heard.report = Some(WorkReport { step, rays, took, passes });
         self.more = results.more;
         Ok(())
@@ -181,7 +178,7 @@ impl GpuBackend {
     }
 
     /// Submits recorded passes and asks for what they change.
-    fn submit(&mut self, passes: Passes, rays: u32) -> Result<()> {
+    fn submit(&mut self, passes: Passes, rays: u32, samples: u32) -> Result<()> {
         self.submissions += 1;
         let sources = Sources {
             rows: &self.rows,
@@ -189,9 +186,26 @@ impl GpuBackend {
             sdf: &self.sdf,
             occupancy: self.occupancy.as_ref(),
         };
-        let readback =
-            self.collector.submit(&self.gpu, passes, &sources, self.submissions, rays)?;
+        let readback = self.collector.submit(
+            &self.gpu,
+            passes,
+            &sources,
+            self.submissions,
+            (rays, samples),
+        )?;
         self.under_way = Some(readback);
+        self.gpu.check()
+    }
+
+    /// Starts rows anew, also for results that are still under way.
+    fn void(&mut self, rows: &[u32]) -> Result<()> {
+        let mut passes = Passes::new(&self.gpu, None);
+        self.rows.clear(&self.gpu, &mut passes, rows)?;
+        self.gpu.queue.submit([passes.encoder.finish()]);
+        for &row in rows {
+            self.heard.voided.insert(row, self.submissions);
+            self.heard.rows.push((row, LearnedRow::default()));
+        }
         self.gpu.check()
     }
 
@@ -268,13 +282,8 @@ impl Backend for GpuBackend {
         tracing::trace!(bytes = writes.bytes(), "mirrored");
         let mut passes = Passes::new(&self.gpu, None);
         self.writer.record(&self.gpu, &mut passes, writes)?;
-        self.rows.clear(&self.gpu, &mut passes, changes.voided)?;
         self.gpu.queue.submit([passes.encoder.finish()]);
-        for &row in changes.voided {
-            self.heard.voided.insert(row, self.submissions);
-            self.heard.rows.push((row, LearnedRow::default()));
-        }
-        self.gpu.check()
+        self.void(changes.voided)
     }
 
     fn train(&mut self, scene: &Scene<'_>, work: &Work<'_>) -> Result<()> {
@@ -301,13 +310,13 @@ impl Backend for GpuBackend {
             self.training.accumulate(&self.gpu, &mut passes, &model, stencil, samples)?;
             self.training.optimise(&self.gpu, &mut passes, &model, stencil, samples)?;
         }
-        self.submit(passes, work.plan.rays.saturating_mul(work.steps))
+        self.submit(passes, work.plan.rays.saturating_mul(work.steps), samples)
     }
 
     fn finish(&mut self) -> Result<()> {
         self.hear()?;
         while self.more {
-            self.submit(Passes::new(&self.gpu, None), 0)?;
+            self.submit(Passes::new(&self.gpu, None), 0, 0)?;
             self.hear()?;
         }
         Ok(())
@@ -369,6 +378,12 @@ impl Backend for GpuBackend {
 }
 
 impl GpuBackend {
+    /// The kernels of a step, and the constants that each was compiled with.
+    pub fn kernels(&self) -> Vec<(&'static str, String)> {
+        let kernels = [&self.sampling.kernel].into_iter().chain(self.training.kernels());
+        kernels.map(|kernel| (kernel.name, kernel.variant.clone())).collect()
+    }
+
     /// Rows that there is room for.
     fn room(&self) -> u64 {
         let pools = [self.mirror.prior.capacity(), self.surface.anchors.capacity()];

@@ -48,6 +48,8 @@ pub(super) struct Readback {
     /// Counts submissions.
     pub(super) number: u64,
     pub(super) rays: u32,
+    /// Samples of each step.
+    pub(super) samples: u32,
 }
 
 /// Results that have arrived.
@@ -91,7 +93,7 @@ impl Collector {
         mut passes: Passes,
         sources: &Sources<'_>,
         number: u64,
-        rays: u32,
+        (rays, samples): (u32, u32),
     ) -> Result<Readback> {
         let room = self.rows;
         self.copied.grow(gpu, room.into())?;
@@ -138,7 +140,23 @@ impl Collector {
         buffer.map_async(wgpu::MapMode::Read, .., move |result| {
             done.store(result.is_ok(), Ordering::Release);
         });
-        Ok(Readback { buffer, mapped, room, weights, passes: names, submitted, number, rays })
+        Ok(Readback {
+            buffer,
+            mapped,
+            room,
+            weights,
+            passes: names,
+            submitted,
+            number,
+            rays,
+            samples,
+        })
+    }
+
+    /// Makes room for so many rows, until more is learned.
+    #[cfg(test)]
+    pub(super) fn set_room(&mut self, rows: u32) {
+        self.rows = rows;
     }
 
     /// Learns how many rows there were.

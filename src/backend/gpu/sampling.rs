@@ -41,7 +41,7 @@ pub(super) fn constants() -> [(&'static str, Constant); 6] {
 /// What samples are drawn from.
 #[derive(Debug)]
 pub(super) struct Sampling {
-    kernel: Kernel,
+    pub(super) kernel: Kernel,
     pixels: Pixels,
     /// The frames of the window.
     frames: Pool,

@@ -3,13 +3,14 @@
 use super::decoder::GpuDecoder;
 use super::device::Gpu;
 use super::kernel::Kernel;
-use super::layout::{NONE, Sample, Site, Step};
+use super::layout::{NONE, ROW_QUADS, Sample, Site, Step};
 use super::mirror::Mirror;
 use super::passes::Passes;
 use super::pool::Pool;
+use super::readback::Results;
 use super::rows::Rows;
 use super::shader::Constant;
-use crate::backend::StepParameters;
+use crate::backend::{Pass, StepParameters};
 use crate::error::Result;
 use crate::modality::losses::Stencil;
 use crate::octree::{NodeSource, Root};
@@ -114,6 +115,11 @@ impl Training {
         })
     }
 
+    pub(super) fn kernels(&self) -> Vec<&Kernel> {
+        let fused = self.occupancy.iter().chain(&self.distance);
+        self.locate.iter().chain(fused).chain([&self.rows]).collect()
+    }
+
     /// Brings a batch to the GPU.
     #[cfg(test)]
     pub(super) fn upload(&mut self, gpu: &Gpu, batch: &Batch) -> Result<()> {
@@ -188,6 +194,22 @@ impl Training {
         Ok(())
     }
 
+    /// The passes of some steps, each kind once.
+    pub(super) fn passes(&self, results: &Results, samples: u32) -> Vec<Pass> {
+        let mut passes: Vec<Pass> = Vec::new();
+        for &(name, ms) in &results.passes {
+            let least_bytes = least_bytes(name, results, samples.into());
+            match passes.iter_mut().find(|pass| pass.name == name) {
+                Some(pass) => {
+                    pass.ms += ms;
+                    pass.least_bytes += least_bytes;
+                }
+                None => passes.push(Pass { name, ms, least_bytes }),
+            }
+        }
+        passes
+    }
+
     /// What kernels bind, by the names that shaders have for it.
     fn buffers<'a>(&'a self, model: &Model<'a>) -> Vec<(&'static str, wgpu::BindingResource<'a>)> {
         let Model { mirror, rows, .. } = model;
@@ -210,6 +232,27 @@ impl Training {
             ("changed", rows.changed.binding()),
             ("saturated", rows.saturated.as_entire_binding()),
         ]
+    }
+}
+
+/// What a pass of one step moves, if every byte that it needs moves once: samples and sites, and for
+/// each touched row its prior, its columns and its gradient, read and written.
+fn least_bytes(pass: &str, results: &Results, samples: u64) -> u64 {
+    const QUAD: u64 = 16;
+    const COLUMNS: u64 = ROW_QUADS as u64 * QUAD;
+    let (sample, site) = (size_of::<Sample>() as u64, size_of::<Site>() as u64);
+    let rows = u64::from(results.touched);
+    match pass {
+        // Samples and pixels; the surfels that a label takes are not counted.
+        "train/sample" => samples * sample + samples / 4 * 8,
+        "train/locate" => samples * (sample + site),
+        // Explicit twice, the feature, and its gradient both ways.
+        "train/occupancy" => samples * (sample + site + 4) + rows * QUAD * (2 + 2 + 2 * 2),
+        "train/distance" => samples * (sample + site + 4) + rows * QUAD * (2 + 4 + 2 * 5),
+        // Columns, two moments and the gradient, both ways; steps and flags.
+        "optim/rows" => rows * (2 * 4 * COLUMNS + 2 * 8 + 2 * 4),
+        "optim/collect" => results.rows.len() as u64 * 2 * (COLUMNS + QUAD),
+        _ => 0,
     }
 }
 

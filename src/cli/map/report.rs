@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::backend::Pass;
 use crate::config::{Prior, Profile, Schedule};
 use crate::error::Result;
 use crate::map::{FrameOutcome, Mapper};
@@ -28,6 +29,8 @@ pub(in crate::cli) struct Tally {
     rejected: BTreeMap<String, u64>,
     /// Wall times by stage, ms, one a frame.
     pub(in crate::cli) stages_ms: BTreeMap<String, Vec<f32>>,
+    /// Passes of training, in the order of their first run, one entry a frame.
+    pub(in crate::cli) passes: Vec<(&'static str, Vec<Pass>)>,
 }
 
 impl Tally {
@@ -40,6 +43,7 @@ impl Tally {
             skipped,
             rejected: BTreeMap::new(),
             stages_ms,
+            passes: Vec::new(),
         }
     }
 
@@ -48,7 +52,14 @@ impl Tally {
         self.frames += 1;
         self.frames_empty += u64::from(outcome.valid_pixels == 0);
         self.stages_ms.entry("decode".to_owned()).or_default().push(decode_ms);
-        for (stage, ms) in mapper.stats().stages_ms {
+        let stats = mapper.stats();
+        for pass in stats.passes {
+            match self.passes.iter_mut().find(|(name, _)| *name == pass.name) {
+                Some((_, passes)) => passes.push(pass),
+                None => self.passes.push((pass.name, vec![pass])),
+            }
+        }
+        for (stage, ms) in stats.stages_ms {
             self.stages_ms.entry(stage).or_default().push(ms);
         }
     }

@@ -100,6 +100,13 @@ impl Synthetic {
         self
     }
 
+    /// The same with images `height` pixels high, their centre where it was.
+    pub fn with_height(mut self, height: u32) -> Self {
+        self.intrinsics.height = height;
+        self.intrinsics.cy = (f64::from(height) - 1.0) * 0.5;
+        self
+    }
+
     /// The same with a depth camera that sees as far as `range_m`.
     pub fn with_range(mut self, range_m: f32) -> Self {
         self.range_m = range_m.min(MAX_DEPTH_M);

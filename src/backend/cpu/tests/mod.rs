@@ -11,7 +11,7 @@ use glam::Vec3;
 use rayon::ThreadPoolBuilder;
 
 use super::*;
-use crate::backend::RowMoments;
+
 use crate::config::{MapConfig, MapSettings, Profile};
 use crate::geometry::random::{pcg4d, unit};
 use crate::modality::losses::{LossWeights, Stencil};

@@ -1,6 +1,7 @@
 //! Every kernel against its twin on the CPU, on whatever adapter there is: no adapter is a failure.
 
 mod labels;
+mod pools;
 mod shaders;
 mod twins;
 mod world;
@@ -10,6 +11,7 @@ use crate::backend::StepParameters;
 use crate::backend::cpu::tests as twin;
 use crate::config::Profile;
 use crate::modality::test_tree::Tree;
+use crate::octree::NodeSource;
 use crate::train::Batch;
 
 /// A backend on any adapter, with the rows and decoders of a CPU backend.
@@ -18,8 +20,8 @@ fn like(cpu: &crate::backend::CpuBackend, profile: Profile, tree: &Tree) -> GpuB
         .expect("an adapter: tests need a Vulkan driver, software will do");
     gpu.reserve(tree.rows.len()).expect("room");
     gpu.rows_used = tree.rows.len();
-    gpu.mirror.reserve_nodes(&gpu.gpu, tree.node_slots() as u64).expect("room");
-    let nodes: Vec<u32> = (0..tree.node_slots() as u32).collect();
+    gpu.mirror.reserve_nodes(&gpu.gpu, node_slots(tree).into()).expect("room");
+    let nodes: Vec<u32> = (0..node_slots(tree)).collect();
     let rows: Vec<u32> = (0..tree.rows.len() as u32).collect();
     let changes = Changes { nodes: &nodes, rows: &rows, ..Changes::default() };
     let mut passes = Passes::new(&gpu.gpu, None);
@@ -29,6 +31,19 @@ fn like(cpu: &crate::backend::CpuBackend, profile: Profile, tree: &Tree) -> GpuB
     gpu.gpu.queue.submit([passes.encoder.finish()]);
     gpu.import(cpu.export().expect("a state")).expect("a state of this shape");
     gpu
+}
+
+/// Slots of nodes, holes included.
+fn node_slots(tree: &Tree) -> u32 {
+    let root = tree.root().expect("a root").node;
+    let (mut open, mut slots) = (vec![root], root + 1);
+    while let Some(node) = open.pop() {
+        let link = tree.children(node);
+        let children = (0..8).filter(|octant| link >> octant & 1 == 1);
+        open.extend(children.map(|octant| (link >> 8) * 8 + octant));
+        slots = slots.max(open.last().copied().unwrap_or(0) + 1);
+    }
+    slots
 }
 
 /// Runs the passes that find losses and gradients, and then, if asked to, those that step.
@@ -42,6 +57,6 @@ fn run(gpu: &mut GpuBackend, tree: &Tree, batch: &Batch, p: &StepParameters, ste
     if step {
         gpu.training.optimise(&gpu.gpu, &mut passes, &model, p.stencil, samples).expect("passes");
     }
-    gpu.submit(passes, 0).expect("a device");
+    gpu.submit(passes, 0, samples).expect("a device");
     gpu.hear().expect("results");
 }

@@ -1,7 +1,8 @@
 //! All shaders compile, and mean the same by what they share with the host.
 
-use super::super::sampling;
 use super::super::shader::{self, Constant};
+use super::super::{layout, sampling};
+use crate::train::SampleKind;
 
 /// Every kernel, with constants that it can be compiled with.
 fn kernels() -> Vec<(&'static str, Vec<(&'static str, Constant)>)> {
@@ -50,4 +51,113 @@ fn every_kernel_is_valid() {
             .map_err(|e| panic!("{name}: {}", e.emit_to_string(&source)))
             .expect("valid");
     }
+}
+
+fn parsed(name: &str, constants: &[(&str, Constant)]) -> naga::Module {
+    let source = shader::source(name, constants).expect("a source");
+    naga::front::wgsl::parse_str(&source).expect("parses")
+}
+
+/// Numbers that both sides have must be the same numbers.
+#[test]
+fn constants_are_the_hosts() {
+    use crate::backend::cpu::adam;
+    use crate::modality::{OCCUPANCY_FEATURES, SDF_FEATURES, losses, occupancy, sdf};
+    use naga::{Expression, Literal};
+
+    let module = parsed("optim/rows", &[]);
+    let value = |name: &str| {
+        let constant = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name));
+        let (_, constant) = constant.unwrap_or_else(|| panic!("no constant {name}"));
+        match module.global_expressions[constant.init] {
+            Expression::Literal(Literal::U32(x)) => f64::from(x),
+            Expression::Literal(Literal::F32(x)) => f64::from(x),
+            Expression::Literal(Literal::AbstractFloat(x)) => x,
+            ref other => panic!("{name} is {other:?}"),
+        }
+    };
+    let log2 = |beta: f32| f64::from(beta).log2();
+    for (name, host) in [
+        ("SDF_FEATURES", SDF_FEATURES as f64),
+        ("OCCUPANCY_FEATURES", OCCUPANCY_FEATURES as f64),
+        ("ROW_QUADS", layout::ROW_QUADS as f64),
+        ("OCCUPANCY_QUAD", SDF_FEATURES as f64 / 4.0),
+        ("EXPLICIT_QUAD", (SDF_FEATURES + OCCUPANCY_FEATURES) as f64 / 4.0),
+        ("NONE", layout::NONE.into()),
+        ("LOSSES", layout::LOSSES as f64),
+        ("STENCIL_POINTS", losses::Stencil::MAX as f64),
+        ("STENCIL_M", losses::STENCIL_M.into()),
+        ("CONFIDENT_LOGIT", losses::CONFIDENT_LOGIT.into()),
+        ("SAFE_NORM", losses::SAFE_NORM.into()),
+        ("CONTEXT_LIMIT_M", sdf::CONTEXT_LIMIT_M.into()),
+        ("SURFACE_LOGIT", occupancy::SURFACE_LOGIT.into()),
+        ("OCCUPANCY_WIDTH_M", occupancy::WIDTH_M.into()),
+        ("PRIOR_LIMIT", occupancy::PRIOR_LIMIT.into()),
+        ("FREE", f64::from(SampleKind::Free as u8)),
+        ("PERTURBED", f64::from(SampleKind::Perturbed as u8)),
+        ("SURFACE", f64::from(SampleKind::Surface as u8)),
+        ("BETA1", adam::BETA1.into()),
+        ("BETA2", adam::BETA2.into()),
+        ("EPSILON", adam::EPSILON.into()),
+        ("LOG2_BETA1", log2(adam::BETA1)),
+        ("LOG2_BETA2", log2(adam::BETA2)),
+    ] {
+        let found = value(name);
+        assert!((found - host).abs() <= 1e-5 * host.abs(), "{name}: {found}, not {host}");
+    }
+}
+
+/// A struct's members and their offsets, and its size.
+#[test]
+fn structs_lie_as_the_hosts() {
+    let module = parsed("train/sample", &sampling::constants());
+    let layout_of = |name: &str| {
+        let found = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name));
+        let (_, ty) = found.unwrap_or_else(|| panic!("no struct {name}"));
+        let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("no struct") };
+        let member =
+            |m: &naga::StructMember| (m.name.clone().unwrap_or_default(), m.offset as usize);
+        (members.iter().map(member).collect::<Vec<_>>(), *span as usize)
+    };
+    macro_rules! same {
+        ($host:ty, $name:literal, $($member:ident),*) => {
+            let expected =
+                vec![$((stringify!($member).to_owned(), std::mem::offset_of!($host, $member))),*];
+            assert_eq!(layout_of($name), (expected, size_of::<$host>()), $name);
+        };
+    }
+    same!(
+        layout::Step,
+        "Step",
+        root_min,
+        root_node,
+        unit_m,
+        root_log2,
+        rows,
+        samples,
+        distance_weights,
+        occupancy_weight,
+        eikonal_weights,
+        consistency_weight,
+        rate,
+        occupancy_rate,
+        decoder_rate,
+        gradient_scale
+    );
+    same!(
+        layout::Draw,
+        "Draw",
+        rays,
+        frames,
+        seed,
+        counter,
+        eikonal_share,
+        cell_m,
+        inverse_cell,
+        radius_m,
+        stale_m
+    );
+    same!(layout::Frame, "Frame", origin, first, x_axis, pixels, y_axis, z_axis, camera);
+    same!(layout::Sample, "Sample", point, distance, occupancy, kind, eikonal, padding);
+    same!(layout::Site, "Site", centre, around, padding);
 }

@@ -1,0 +1,119 @@
+//! The GPU backend against the CPU backend, on any adapter: software will do, none will not.
+
+use glam::Vec3;
+
+use super::integrate;
+use orenx::config::{BackendChoice, MapConfig, MapSettings, Prior};
+use orenx::dataset::synthetic::Synthetic;
+use orenx::map::{Fields, MapView, Mapper, Trainer};
+use orenx::storage;
+
+fn mapper(backend: BackendChoice, settings: &MapSettings) -> Mapper {
+    let mut mapper = Mapper::new(MapConfig::from_settings(settings).unwrap()).unwrap();
+    mapper.train_on(Trainer::of(backend)).unwrap();
+    assert_eq!(mapper.adapter().is_some(), backend == BackendChoice::Gpu);
+    mapper
+}
+
+fn room() -> Synthetic {
+    Synthetic::room(200).with_width(96)
+}
+
+/// Places all over the room.
+fn places() -> Vec<Vec3> {
+    let steps = || (0..24).map(|i| i as f32 * 0.31 - 3.6);
+    steps()
+        .flat_map(|x| steps().flat_map(move |y| steps().map(move |z| Vec3::new(x, y, z))))
+        .collect()
+}
+
+/// Largest and mean difference of distances, m, where both know one.
+fn differences(a: &MapView, b: &MapView) -> (f32, f32) {
+    let places = places();
+    let (a, b) = (a.query(&places, Fields::DISTANCE), b.query(&places, Fields::DISTANCE));
+    let known = |d: &f32| d.is_finite();
+    assert_eq!(
+        a.distance.iter().map(known).collect::<Vec<_>>(),
+        b.distance.iter().map(known).collect::<Vec<_>>(),
+        "known to both or to none"
+    );
+    let all: Vec<f32> = a
+        .distance
+        .iter()
+        .zip(&b.distance)
+        .filter(|(a, _)| known(a))
+        .map(|(a, b)| (a - b).abs())
+        .collect();
+    assert!(all.len() > 500, "{} known places", all.len());
+    let largest = all.iter().copied().fold(0.0, f32::max);
+    (largest, all.iter().sum::<f32>() / all.len() as f32)
+}
+
+#[test]
+fn both_backends_make_the_same_map() {
+    for prior in [Prior::Closed, Prior::Learned] {
+        let settings = MapSettings { prior, ..MapSettings::default() };
+        let map = |backend| {
+            let mut mapper = mapper(backend, &settings);
+            integrate(&mut mapper, &room(), 0..8);
+            (mapper.publish_all().unwrap(), mapper.stats())
+        };
+        let ((cpu, on_cpu), (gpu, on_gpu)) = (map(BackendChoice::Cpu), map(BackendChoice::Gpu));
+        assert_eq!((on_cpu.rows, on_cpu.steps), (on_gpu.rows, on_gpu.steps));
+        let (largest, mean) = differences(&cpu, &gpu);
+        // Adam's first steps take a rate's length whatever the gradient: where that is nothing but
+        // rounding, two backends part. Measured: closed 0.05 mm, learned 0.6 mm at most.
+        assert!(largest < 2e-3 && mean < 5e-5, "{prior:?}: {largest} {mean}");
+        let total = |stats: &orenx::map::MapStats| {
+            stats.losses.iter().find(|(name, _)| name == "total").unwrap().1
+        };
+        let (cpu, gpu) = (total(&on_cpu), total(&on_gpu));
+        assert!((cpu - gpu).abs() < 0.02 * cpu, "total loss {cpu} and {gpu}");
+    }
+}
+
+#[test]
+fn the_same_input_gives_the_same_file_and_a_checkpoint_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let settings = MapSettings::default();
+    for name in ["once", "again"] {
+        let mut mapper = mapper(BackendChoice::Gpu, &settings);
+        integrate(&mut mapper, &room(), 0..6);
+        storage::save(&mut mapper, &path(name), false).unwrap();
+    }
+    let read = |name: &str| std::fs::read(path(name)).unwrap();
+    assert!(read("once") == read("again"), "bit for bit");
+
+    let mut first = mapper(BackendChoice::Gpu, &settings);
+    integrate(&mut first, &room(), 0..3);
+    storage::save(&mut first, &path("half"), false).unwrap();
+    let mut resumed = storage::load(&path("half")).unwrap();
+    resumed.train_on(Trainer::of(BackendChoice::Gpu)).unwrap();
+    integrate(&mut resumed, &room(), 3..6);
+    storage::save(&mut resumed, &path("resumed"), false).unwrap();
+    assert!(read("once") == read("resumed"), "as if it had not stopped");
+}
+
+#[test]
+fn a_map_moves_between_backends_and_starts_anew_on_the_gpu() {
+    let mut mapper = mapper(BackendChoice::Cpu, &MapSettings::default());
+    integrate(&mut mapper, &room(), 0..3);
+    let before = mapper.publish_all().unwrap();
+    mapper.train_on(Trainer::of(BackendChoice::Gpu)).unwrap();
+    let after = mapper.publish_all().unwrap();
+    assert_eq!(differences(&before, &after), (0.0, 0.0), "moving changes nothing");
+    assert!(mapper.gpu_peak_bytes() == 0 || mapper.adapter().is_some());
+    integrate(&mut mapper, &room(), 3..5);
+    assert!(mapper.gpu_peak_bytes() > 1 << 20);
+    let passes = mapper.stats().passes;
+    for name in ["train/distance", "optim/rows"] {
+        let pass = passes.iter().find(|pass| pass.name == name).unwrap();
+        assert!(pass.ms > 0.0 && pass.least_bytes > 0, "{pass:?}");
+    }
+    mapper.reset().unwrap();
+    assert!(mapper.adapter().is_some(), "still on the GPU");
+    assert_eq!(mapper.publish_all().unwrap().query(&[Vec3::ZERO], Fields::ALL).state, [0]);
+    integrate(&mut mapper, &room(), 0..2);
+    assert_eq!(mapper.stats().frames, 2);
+}
