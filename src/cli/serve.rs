@@ -8,6 +8,7 @@ use clap::Args;
 use crate::config::{ServerConfig, Settings};
 use crate::serve::{self, Listeners};
 use crate::service::Service;
+use crate::threads::Urgency;
 
 /// Serve a map: take frames, answer questions, save at the end
 #[derive(Debug, Args)]
@@ -26,7 +27,10 @@ impl ServeArgs {
         let variables = std::env::vars_os();
         let settings = Settings::layered(self.config.as_deref(), variables, &self.set)?;
         let (config, map) = ServerConfig::from_settings(&settings)?;
-        let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .enable_all()
+            .on_thread_start(|| Urgency::Prompt.declare())
+            .build()?;
         runtime.block_on(async {
             // The ports first: a second server must not wait for a map before it says so, and probes
             // are told that it is being loaded.
