@@ -7,6 +7,7 @@
 pub mod bench;
 pub mod demo;
 pub mod eval;
+mod heap;
 mod invocation;
 pub mod map;
 pub mod mesh;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::Args;
 
+use super::heap;
 use crate::config::{ServerConfig, Settings};
 use crate::serve::{self, Listeners};
 use crate::service::Service;
@@ -24,6 +25,7 @@ pub struct ServeArgs {
 
 impl ServeArgs {
     pub fn run(self) -> anyhow::Result<()> {
+        heap::bound();
         let variables = std::env::vars_os();
         let settings = Settings::layered(self.config.as_deref(), variables, &self.set)?;
         let (config, map) = ServerConfig::from_settings(&settings)?;
