@@ -2,8 +2,8 @@
 //!
 //! The rooms, from the ground up (a test holds the floors of `ARCHITECTURE.md` against the code):
 //!
-//! - [`error`], [`geometry`], [`frame`], [`config`], [`numpy`]: errors, maths, the frame and its
-//!   checks, settings, array files
+//! - [`error`], [`geometry`], [`frame`], [`config`], [`threads`], [`numpy`]: errors, maths, the frame
+//!   and its checks, settings, urgency, array files
 //! - [`octree`], [`surface`], [`modality`], [`dataset`]: topology; surfels, prior, evidence; fields; readers
 //! - [`train`], [`backend`]: what to train on, and what trains
 //! - [`map`]: a frame in, an epoch out; immutable views that answer questions
@@ -33,6 +33,7 @@ pub mod service;
 pub mod storage;
 pub mod surface;
 pub mod telemetry;
+pub mod threads;
 pub mod train;
 pub mod wire;
 

@@ -89,7 +89,8 @@ impl Service {
         self.map(map_id).map_or_else(|_| Queue::default(), |m| m.queue(robot_id, sensor_id))
     }
 
-    /// Checks a frame and hands it to the mapper; `sink` hears of its way and its end.
+    /// Checks a frame and hands it to the mapper; `sink` hears of its way and its end. `arrived` is
+    /// when the last byte of it had come.
     pub async fn submit_frame(
         &self,
         session: Session,
@@ -97,8 +98,9 @@ impl Service {
         frame: Frame,
         policy: QueuePolicy,
         sink: Box<dyn FrameSink>,
+        arrived: Instant,
     ) {
-        let sink = Counted::receive(&self.counters, sink);
+        let sink = Counted::receive(&self.counters, sink, arrived);
         let checked = self.map(map_id).and_then(|mapper| {
             frame.check()?;
             Ok(mapper)
@@ -110,8 +112,8 @@ impl Service {
     }
 
     /// Refuses a frame that could not even be read, so that it is counted like any other.
-    pub fn refuse_frame(&self, error: Error, sink: Box<dyn FrameSink>) {
-        Counted::receive(&self.counters, sink).settle(Verdict::Rejected(error));
+    pub fn refuse_frame(&self, error: Error, sink: Box<dyn FrameSink>, arrived: Instant) {
+        Counted::receive(&self.counters, sink, arrived).settle(Verdict::Rejected(error));
     }
 
     /// Answers points from the newest view, if it is as new as the question demands. Small questions
@@ -174,7 +176,7 @@ impl Service {
         self.times.read()
     }
 
-    /// How long integrated frames took until questions saw them.
+    /// How long integrated frames took from their arrival, decoding included, until questions saw them.
     pub fn frame_times(&self) -> Distribution {
         self.counters.visible_after()
     }

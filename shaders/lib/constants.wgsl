@@ -26,7 +26,6 @@ const SURFACE = 2u;
 const STENCIL_POINTS = 6u;
 const STENCIL_M: f32 = 0.03;
 const CONTEXT_LIMIT_M: f32 = 1.0;
-const RESIDUAL_SCALE_M: f32 = 0.1;
 const SURFACE_LOGIT: f32 = 1.0986123;
 const OCCUPANCY_WIDTH_M: f32 = 0.025;
 const PRIOR_LIMIT: f32 = 4.0;
@@ -36,8 +35,8 @@ const SAFE_NORM: f32 = 1e-12;
 // Adam.
 const BETA1: f32 = 0.9;
 const BETA2: f32 = 0.999;
-const LOG2_BETA1: f32 = -0.15200309344504997;
-const LOG2_BETA2: f32 = -0.0014434168696687186;
+const LOG2_BETA1: f32 = -0.15200313166341736;
+const LOG2_BETA2: f32 = -0.001443398276949825;
 const EPSILON: f32 = 1e-8;
 
 // Gradients of rows are summed in fixed point, so that the order of the sums does not show: units

@@ -19,7 +19,7 @@ struct Sample {
 // pays the Eikonal loss iff `around[0]` is some.
 struct Site {
   centre: u32,
-  around: array<u32, 6>,
+  around: array<u32, STENCIL_POINTS>,
   padding: u32,
 }
 

@@ -8,6 +8,7 @@ pub mod bench;
 pub mod demo;
 pub mod doctor;
 pub mod eval;
+mod heap;
 mod invocation;
 pub mod map;
 pub mod mesh;

@@ -5,9 +5,11 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::Args;
 
+use super::heap;
 use crate::config::{ServerConfig, Settings};
 use crate::serve::{self, Listeners};
 use crate::service::Service;
+use crate::threads::Urgency;
 
 /// Serve a map: take frames, answer questions, save at the end
 #[derive(Debug, Args)]
@@ -23,10 +25,14 @@ pub struct ServeArgs {
 
 impl ServeArgs {
     pub fn run(self) -> anyhow::Result<()> {
+        heap::bound();
         let variables = std::env::vars_os();
         let settings = Settings::layered(self.config.as_deref(), variables, &self.set)?;
         let (config, map) = ServerConfig::from_settings(&settings)?;
-        let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .enable_all()
+            .on_thread_start(|| Urgency::Prompt.declare())
+            .build()?;
         runtime.block_on(async {
             // The ports first: a second server must not wait for a map before it says so, and probes
             // are told that it is being loaded.

@@ -13,6 +13,7 @@ use super::verdict::{Reason, Ticket, Verdict};
 use crate::error::{Error, Result};
 use crate::map::Mapper;
 use crate::storage;
+use crate::threads::Urgency;
 
 /// How long a slice of idle refinement may keep a new frame waiting.
 const REFINE_SLICE: Duration = Duration::from_millis(10);
@@ -46,7 +47,10 @@ impl Engine {
         };
         let thread = std::thread::Builder::new()
             .name("orenx-mapper".into())
-            .spawn(move || owner.live())
+            .spawn(move || {
+                Urgency::Patient.declare();
+                owner.live()
+            })
             .map_err(|e| Error::Internal(format!("the mapper thread did not start: {e}")))?;
         Ok(Self { handle, thread: Some(thread) })
     }

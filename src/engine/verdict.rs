@@ -12,7 +12,7 @@ pub enum Reason {
     Replaced,
     /// The mapper was stopping.
     Stopping,
-    /// The sender left while the frame waited for room.
+    /// The sender left, or its deadline passed, while the frame waited for room.
     Abandoned,
     /// A field is missing or wrong.
     InvalidField,

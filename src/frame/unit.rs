@@ -24,14 +24,19 @@ const MIN_SHARE: usize = 100;
 /// next to none beyond two.
 pub fn check_unit(field: &str, metres: impl ExactSizeIterator<Item = f32>) -> Result<()> {
     let pixels = metres.len();
-    let (mut returns, mut usable, mut far, mut close, mut visible) = (0, 0, 0, 0, 0);
-    for z in metres.filter(|z| z.is_finite() && *z > 0.0) {
-        returns += 1;
-        usable += usize::from(z <= MAX_DEPTH_M);
-        far += usize::from(z > FAR_M);
-        close += usize::from(z < CLOSE_M);
-        visible += usize::from(z > SHRUNK_M);
+    let (mut returns, mut usable, mut far, mut close, mut visible) = (0u32, 0u32, 0u32, 0u32, 0u32);
+    // Without branches, which let the compiler count several pixels at a time: this is done for every
+    // frame. What is not a number fails every comparison.
+    for z in metres {
+        let (some, finite) = (z > 0.0, z < f32::INFINITY);
+        returns += u32::from(some & finite);
+        usable += u32::from(some & (z <= MAX_DEPTH_M));
+        far += u32::from((z > FAR_M) & finite);
+        close += u32::from(some & (z < CLOSE_M));
+        visible += u32::from((z > SHRUNK_M) & finite);
     }
+    let [returns, usable, far, close, visible] =
+        [returns, usable, far, close, visible].map(|count| count as usize);
     let is_rare = |count: usize| count * OUTLIERS < returns;
     if returns < MIN_RETURNS || returns * MIN_SHARE < pixels {
         return Ok(());

@@ -1,5 +1,6 @@
 //! Frames over gRPC: one task a stream reads frames, and acks come back as the engine tells them.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -88,8 +89,10 @@ impl FrameStream {
                         accepted: Some(accepted),
                         settled,
                     };
-                    if !self.take(message, Box::new(sink)).await {
-                        return;
+                    match self.take(message, Box::new(sink)).await {
+                        ControlFlow::Continue(()) => {}
+                        ControlFlow::Break(Some(status)) => return self.close(status).await,
+                        ControlFlow::Break(None) => return,
                     }
                 }
                 Ok(None) => return,
@@ -101,24 +104,27 @@ impl FrameStream {
         }
     }
 
-    /// Brings one frame to its lane or its refusal; whether the client is still there. Decoding
-    /// images takes milliseconds and must not hold up the answers to others.
-    async fn take(&self, message: v1::Frame, sink: Box<AckSink>) -> bool {
+    /// Brings one frame to its lane or its refusal, unless the stream is over before. Decoding images
+    /// takes milliseconds and must not hold up the answers to others.
+    async fn take(
+        &mut self,
+        message: v1::Frame,
+        sink: Box<AckSink>,
+    ) -> ControlFlow<Option<Status>> {
+        let arrived = sink.arrived;
         let decoded = tokio::task::spawn_blocking(|| IncomingFrame::try_from(message)).await;
         let incoming =
             decoded.unwrap_or_else(|_| Err(Error::Internal("decoding this frame failed".into())));
+        let Self { service, session, ending, acks, .. } = self;
         let submitted = async {
             match incoming {
                 Ok(IncomingFrame { map_id, policy, frame }) => {
-                    self.service.submit_frame(self.session, &map_id, frame, policy, sink).await;
+                    service.submit_frame(*session, &map_id, frame, policy, sink, arrived).await;
                 }
-                Err(error) => self.service.refuse_frame(error, sink),
+                Err(error) => service.refuse_frame(error, sink, arrived),
             }
         };
-        tokio::select! {
-            () = submitted => true,
-            () = self.acks.closed() => false,
-        }
+        unless_over(submitted, acks, ending).await
     }
 
     /// Ends the stream with a status, after every ack was read.
@@ -128,6 +134,21 @@ impl FrameStream {
         {
             permit.send(Err(status));
         }
+    }
+}
+
+/// Waits for `work`, or for the end of its stream: with a status, or without one where the client has
+/// left. What is done goes first, so that a server on its way down tells why a frame was dropped.
+async fn unless_over(
+    work: impl Future<Output = ()>,
+    acks: &mpsc::Sender<Ack>,
+    ending: &mut Ending,
+) -> ControlFlow<Option<Status>> {
+    tokio::select! {
+        biased;
+        () = work => ControlFlow::Continue(()),
+        () = acks.closed() => ControlFlow::Break(None),
+        status = ending.wait() => ControlFlow::Break(Some(status)),
     }
 }
 
@@ -160,5 +181,48 @@ impl FrameSink for AckSink {
     fn settle(self: Box<Self>, verdict: Verdict) {
         let ack = self.ack(Some(&verdict));
         self.settled.send(Ok(ack));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::future::{pending, ready};
+
+    use tonic::Code;
+    use tonic::codegen::http::{HeaderMap, HeaderValue};
+
+    use super::*;
+    use crate::wire::Deadline;
+
+    /// A stream whose client waits no time at all.
+    fn late(closing: &watch::Receiver<bool>) -> Ending {
+        let mut request = Request::new(());
+        let headers = HeaderMap::from_iter([(
+            "grpc-timeout".parse().expect("a name"),
+            HeaderValue::from_static("0n"),
+        )]);
+        Deadline::of(&headers).expect("a deadline").attach(request.extensions_mut());
+        Ending::of(&request, closing.clone())
+    }
+
+    #[tokio::test]
+    async fn a_frame_that_waits_for_room_waits_no_longer_than_its_stream() {
+        let code = |flow| match flow {
+            ControlFlow::Break(Some(status)) => Status::code(&status),
+            other => panic!("{other:?}"),
+        };
+        let (close, closing) = watch::channel(false);
+        let (acks, reader) = mpsc::channel(1);
+        let flow = unless_over(pending(), &acks, &mut late(&closing)).await;
+        assert_eq!(code(flow), Code::DeadlineExceeded);
+        let flow = unless_over(ready(()), &acks, &mut late(&closing)).await;
+        assert!(flow.is_continue(), "it was done in time");
+
+        let mut open = Ending::of(&Request::new(()), closing);
+        close.send_replace(true);
+        assert_eq!(code(unless_over(pending(), &acks, &mut open).await), Code::Unavailable);
+        drop(reader);
+        let flow = unless_over(pending(), &acks, &mut open).await;
+        assert!(matches!(flow, ControlFlow::Break(None)), "nobody is left to be told");
     }
 }

@@ -13,6 +13,7 @@ use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::octree::Topology;
 use crate::surface::{Lattice, Surface};
+use crate::threads::Urgency;
 use crate::train::{KeyFrames, Schedule};
 
 impl Mapper {
@@ -27,6 +28,7 @@ impl Mapper {
             rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
                 .thread_name(move |i| format!("orenx-{name}-{i}"))
+                .start_handler(|_| Urgency::Patient.declare())
                 .build()
                 .map(Arc::new)
                 .map_err(|e| Error::Internal(format!("cannot start {name} threads: {e}")))

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use tokio::net::TcpListener;
 use tokio::sync::watch;
-
 use tonic::server::NamedService;
 use tonic::transport::Server;
 use tonic::transport::server::TcpIncoming;
@@ -57,9 +57,6 @@ pub async fn run(
     if let Some(http) = &http {
         http.serve(service.clone(), calls.clone());
     }
-    // Without it a small answer waits 40 ms for the acknowledgement of the last one. The builder's own
-    // option is for connections that it accepts itself.
-    let incoming = TcpIncoming::from(listener).with_nodelay(Some(true));
     let mut told = closing;
     let serving = Server::builder()
         .initial_stream_window_size(STREAM_WINDOW_BYTES)
@@ -75,7 +72,7 @@ pub async fn run(
         .add_service(ingest)
         .add_service(query)
         .add_service(MapsServer::new(edge))
-        .serve_with_incoming_shutdown(incoming, async move {
+        .serve_with_incoming_shutdown(at_once(listener), async move {
             // An error means that `run` is gone, and everything with it.
             let _ = told.wait_for(|closing| *closing).await;
         });
@@ -106,6 +103,12 @@ pub async fn run(
     outcome
 }
 
+/// Connections whose small messages go out at once: without it an answer waits 40 ms for the
+/// acknowledgement of the last one. The builder's own option is for connections that it accepts itself.
+fn at_once(listener: TcpListener) -> TcpIncoming {
+    TcpIncoming::from(listener).with_nodelay(Some(true))
+}
+
 async fn set_health(health: &HealthReporter, status: ServingStatus) {
     // The empty name stands for the server as a whole.
     for name in [
@@ -131,4 +134,22 @@ fn reflection_error(error: tonic_reflection::server::Error) -> Error {
 
 fn transport_error(error: tonic::transport::Error) -> Error {
     Error::Internal(format!("gRPC: {error}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use tokio::net::TcpStream;
+    use tokio_stream::StreamExt;
+
+    use super::*;
+
+    #[tokio::test]
+    async fn small_answers_are_not_held_back() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+        let address = listener.local_addr().expect("an address");
+        let mut incoming = at_once(listener);
+        let _client = TcpStream::connect(address).await.expect("a connection");
+        let accepted = incoming.next().await.expect("one").expect("a good one");
+        assert!(accepted.nodelay().expect("an option of the socket"));
+    }
 }

@@ -46,7 +46,7 @@ impl Counters {
         FrameCounts { received, integrated, dropped, rejected, waiting }
     }
 
-    /// How long integrated frames took, from the service on, until questions saw them.
+    /// How long integrated frames took, from their last byte on, until questions saw them.
     pub(super) fn visible_after(&self) -> Distribution {
         self.visible_after.read()
     }
@@ -55,15 +55,19 @@ impl Counters {
 /// A sink that counts before it passes the news on.
 pub(super) struct Counted {
     counters: Arc<Counters>,
-    received: Instant,
+    arrived: Instant,
     inner: Box<dyn FrameSink>,
 }
 
 impl Counted {
     /// Counts the arrival.
-    pub(super) fn receive(counters: &Arc<Counters>, inner: Box<dyn FrameSink>) -> Box<Self> {
+    pub(super) fn receive(
+        counters: &Arc<Counters>,
+        inner: Box<dyn FrameSink>,
+        arrived: Instant,
+    ) -> Box<Self> {
         counters.received.fetch_add(1, Relaxed);
-        Box::new(Self { counters: counters.clone(), received: Instant::now(), inner })
+        Box::new(Self { counters: counters.clone(), arrived, inner })
     }
 }
 
@@ -75,7 +79,7 @@ impl FrameSink for Counted {
     fn settle(self: Box<Self>, verdict: Verdict) {
         let counter = match &verdict {
             Verdict::Integrated { .. } => {
-                self.counters.visible_after.observe(self.received.elapsed());
+                self.counters.visible_after.observe(self.arrived.elapsed());
                 &self.counters.integrated
             }
             Verdict::Dropped(reason) => &self.counters.dropped[*reason as usize],

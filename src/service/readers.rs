@@ -17,6 +17,7 @@ use tokio::sync::oneshot;
 use super::question::Fill;
 use crate::error::{Error, Result};
 use crate::map::{Fields, MapView, PointAnswers};
+use crate::threads::Urgency;
 
 /// Questions up to this size are answered by the thread that received them: it takes less time than
 /// to wake another.
@@ -40,7 +41,10 @@ impl Readers {
             let line = line.clone();
             std::thread::Builder::new()
                 .name(format!("orenx-query-{index}"))
-                .spawn(move || line.serve())
+                .spawn(move || {
+                    Urgency::Usual.declare();
+                    line.serve();
+                })
                 .map_err(|e| Error::Internal(format!("a query thread did not start: {e}")))
         };
         let threads = (0..threads).map(spawn).collect::<Result<_>>()?;

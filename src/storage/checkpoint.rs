@@ -328,22 +328,20 @@ fn owned<T: bytemuck::Pod>(from: &mut Sections<'_>, tag: Tag) -> Result<Cow<'sta
     from.take_array(tag).map(Cow::Owned)
 }
 
-/// Feature, occupancy feature, explicit: the order of [`LearnedRow`] without its padding.
+/// The numbers of a row in the order of its columns: feature, occupancy feature, explicit.
+fn numbers(row: &mut LearnedRow) -> impl Iterator<Item = &mut f32> {
+    row.sdf_feature.iter_mut().chain(&mut row.occupancy_feature).chain(&mut row.explicit)
+}
+
 fn columns(row: &LearnedRow) -> [f32; COLUMNS] {
-    let all = row.sdf_feature.iter().chain(&row.occupancy_feature).chain(&row.explicit);
-    let mut columns = [0.0; COLUMNS];
-    for (to, from) in columns.iter_mut().zip(all) {
-        *to = *from;
-    }
+    let (mut row, mut columns) = (*row, [0.0; COLUMNS]);
+    numbers(&mut row).zip(&mut columns).for_each(|(number, column)| *column = *number);
     columns
 }
 
 fn learned_row(columns: &[f32; COLUMNS]) -> LearnedRow {
     let mut row = LearnedRow::default();
-    let all = row.sdf_feature.iter_mut().chain(&mut row.occupancy_feature).chain(&mut row.explicit);
-    for (to, from) in all.zip(columns) {
-        *to = *from;
-    }
+    numbers(&mut row).zip(columns).for_each(|(number, column)| *number = *column);
     row
 }
 

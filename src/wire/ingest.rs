@@ -57,6 +57,7 @@ impl TryFrom<v1::Frame> for IncomingFrame {
 /// The message of a frame, depth as it is here: f32 metres, so that the map on the other side is the
 /// same as one made without a wire.
 pub fn frame_to_wire(map_id: &str, frame: &Frame, policy: QueuePolicy) -> v1::Frame {
+    let metres: Vec<[u8; 4]> = frame.depth.metres.iter().map(|z| z.to_le_bytes()).collect();
     v1::Frame {
         map_id: map_id.into(),
         robot_id: frame.robot_id.to_string(),
@@ -68,7 +69,7 @@ pub fn frame_to_wire(map_id: &str, frame: &Frame, policy: QueuePolicy) -> v1::Fr
         depth: Some(v1::DepthImage {
             encoding: v1::DepthEncoding::F32Metres.into(),
             units_per_metre: 1.0,
-            data: frame.depth.metres.iter().flat_map(|z| z.to_le_bytes()).collect(),
+            data: metres.into_flattened(),
         }),
         color: frame.color.as_ref().map(|color| v1::ColorImage {
             encoding: v1::ColorEncoding::Rgb8.into(),

@@ -1,5 +1,7 @@
 //! The way up, what there is to see meanwhile, and the way down.
 
+use std::time::Instant;
+
 use orenx::config::{MapSettings, ServerConfig, Settings};
 use orenx::dataset::Dataset;
 use orenx::dataset::synthetic::Synthetic;
@@ -190,7 +192,8 @@ async fn a_server_on_its_way_down_says_why_it_is_not_ready() {
     let frame = Synthetic::room(100).with_width(64).load(0, false).unwrap();
     let why = readiness_on_the_way_down(&server, async || {
         let (session, sink) = (service.session(), Box::new(Bomb));
-        service.submit_frame(session, DEFAULT_MAP, frame, QueuePolicy::Block, sink).await;
+        let now = Instant::now();
+        service.submit_frame(session, DEFAULT_MAP, frame, QueuePolicy::Block, sink, now).await;
     })
     .await;
     assert!(why.contains("the bomb in the mapper"), "{why}");

@@ -21,7 +21,7 @@ fn room() -> Synthetic {
 
 /// Places all over the room.
 fn places() -> Vec<Vec3> {
-    let steps = || (0..24).map(|i| i as f32 * 0.31 - 3.6);
+    let steps = || (0..40).map(|i| i as f32 * 0.151 - 3.0);
     steps()
         .flat_map(|x| steps().flat_map(move |y| steps().map(move |z| Vec3::new(x, y, z))))
         .collect()
@@ -44,7 +44,7 @@ fn differences(a: &MapView, b: &MapView) -> (f32, f32) {
         .filter(|(a, _)| known(a))
         .map(|(a, b)| (a - b).abs())
         .collect();
-    assert!(all.len() > 500, "{} known places", all.len());
+    assert!(all.len() > 300, "{} known places", all.len());
     let largest = all.iter().copied().fold(0.0, f32::max);
     (largest, all.iter().sum::<f32>() / all.len() as f32)
 }
@@ -63,6 +63,7 @@ fn both_backends_make_the_same_map() {
         let (largest, mean) = differences(&cpu, &gpu);
         // Adam's first steps take a rate's length whatever the gradient: where that is nothing but
         // rounding, two backends part. Measured: closed 0.05 mm, learned 0.6 mm at most.
+        println!("{prior:?}: {largest} {mean}");
         assert!(largest < 2e-3 && mean < 5e-5, "{prior:?}: {largest} {mean}");
         let total = |stats: &orenx::map::MapStats| {
             stats.losses.iter().find(|(name, _)| name == "total").unwrap().1

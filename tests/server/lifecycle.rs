@@ -1,5 +1,7 @@
 //! The way up and the way down.
 
+use std::time::Instant;
+
 use glam::Vec3;
 use orenx::config::{Schedule, ServerConfig, Settings};
 use orenx::dataset::Dataset;
@@ -78,6 +80,7 @@ async fn a_mapper_that_fails_ends_the_server_with_an_error() {
             frame,
             QueuePolicy::Block,
             Box::new(Bomb),
+            Instant::now(),
         )
         .await;
     assert_eq!(watch.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
@@ -109,7 +112,14 @@ async fn a_stopped_server_drops_frames_and_says_why() {
     let sink = Box::new(Told(told));
     server
         .service
-        .submit_frame(server.service.session(), DEFAULT_MAP, frame, QueuePolicy::Block, sink)
+        .submit_frame(
+            server.service.session(),
+            DEFAULT_MAP,
+            frame,
+            QueuePolicy::Block,
+            sink,
+            Instant::now(),
+        )
         .await;
     assert!(matches!(verdict.await.unwrap(), Verdict::Dropped(Reason::Stopping)));
     let counts = server.service.map_stats(DEFAULT_MAP).unwrap().counts;

@@ -165,3 +165,18 @@ async fn linger(mut stream: TcpStream, limits: &Limits) {
     // Whoever has not ended by then is cut off.
     let _ = tokio::time::timeout(limits.linger_time, rest).await;
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn small_answers_are_not_held_back() {
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
+        let address = listener.local_addr().expect("an address");
+        let _client = TcpStream::connect(address).await.expect("a connection");
+        let places = Arc::new(Semaphore::new(1));
+        let (accepted, _place) = accept_one(&listener, &places).await.expect("a connection");
+        assert!(accepted.nodelay().expect("an option of the socket"));
+    }
+}

@@ -42,7 +42,7 @@ fn frames(page: &mut Page, service: &Service) {
     }
     page.gauge("orenx_frames_waiting", "Frames without a verdict.", waiting);
     let name = "orenx_frame_to_queryable_seconds";
-    page.family(name, "histogram", "From a decoded frame until questions see it.");
+    page.family(name, "histogram", "From a frame's last byte until questions see it.");
     page.histogram(name, &[], &service.frame_times());
 }
 
