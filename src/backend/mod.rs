@@ -44,6 +44,12 @@ pub struct Changes<'a> {
     pub rows: &'a [u32],
     /// Rows whose learned part is void: columns, moments and step counts become zero.
     pub voided: &'a [u32],
+    /// Rows whose nearest surfel or epoch seen free may have changed.
+    pub measured: &'a [u32],
+    /// Surfels whose place, normal or link in their cell's list changed.
+    pub surfels: &'a [u32],
+    /// Bricks of evidence that are new or of which cells changed.
+    pub bricks: &'a [u32],
 }
 
 /// Training steps that are taken together.

@@ -70,12 +70,8 @@ fn describe(adapter: &AdapterReport) {
 /// Compiles the kernels of the default settings and says which variants they are.
 fn kernels() -> Result<()> {
     let config = MapConfig::from_settings(&MapSettings::default())?;
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(1)
-        .build()
-        .map_err(|e| Error::Internal(format!("a thread: {e}")))?;
     let memory_mib = GpuSettings::default().memory_mib;
-    let gpu = GpuBackend::new(&config, Adapters::Any, memory_mib, Arc::new(pool))?;
+    let gpu = GpuBackend::new(&config, Adapters::Any, memory_mib)?;
     println!("kernels, row gradients in 32-bit fixed point:");
     for (name, variant) in gpu.kernels() {
         println!("  {name}: {}", if variant.is_empty() { "one variant" } else { &variant });

@@ -144,6 +144,9 @@ impl Mapper {
             nodes: &nodes,
             rows: &self.changed_rows[changed..],
             voided: &change.prior.voided,
+            measured: &change.prior.measured,
+            surfels: &change.surfels,
+            bricks: &change.touched_bricks,
         };
         self.backend.follow(
             &scene(&self.config, &self.topology, &self.surface, &self.no_prior),

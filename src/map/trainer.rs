@@ -71,8 +71,7 @@ impl Mapper {
     }
 
     fn open_gpu(&self, adapters: Adapters, trainer: Trainer) -> Result<GpuBackend> {
-        let pool = self.trainers.clone();
-        GpuBackend::new(&self.config, adapters, trainer.gpu_memory_mib, pool)
+        GpuBackend::new(&self.config, adapters, trainer.gpu_memory_mib)
     }
 
     fn change_backend(&mut self, mut backend: Box<dyn Backend>) -> Result<()> {
@@ -94,8 +93,18 @@ impl Mapper {
                 limit: format!("has no room for {} rows: see gpu.memory_mib", rows.len()),
             });
         }
+        let surfels: Vec<u32> = (0..self.surface.surfels.slots() as u32).collect();
+        let bricks: Vec<u32> = (0..self.surface.evidence.bricks() as u32).collect();
+        let everything = Changes {
+            nodes: &nodes,
+            rows: &rows,
+            voided: &[],
+            measured: &rows,
+            surfels: &surfels,
+            bricks: &bricks,
+        };
         let scene = scene(&self.config, &self.topology, &self.surface, &self.no_prior);
-        backend.follow(&scene, &Changes { nodes: &nodes, rows: &rows, voided: &[] })
+        backend.follow(&scene, &everything)
     }
 
     /// Waits for all training: what is published next holds it.

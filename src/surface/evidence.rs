@@ -2,19 +2,21 @@
 //!
 //! It does not forget with time; about [`FLIP`] contrary observations flip a cell.
 
-use std::borrow::Cow;
+mod stored;
 
 use glam::Vec3;
 use rustc_hash::FxHashMap;
 
 use super::surfel::NO_SURFEL;
-use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::octree::{Cell, cell_of, pack};
 
-/// A brick is a cube of this many cells a side.
+pub use stored::EvidenceState;
+
+/// A brick is a cube of this many cells a side, ...
 pub const BRICK_CELLS: i32 = 8;
-const CELLS: usize = 512;
+/// ... and so many in all.
+pub const CELLS: usize = 512;
 /// No brick: there was no room for it.
 const NO_BRICK: u32 = u32::MAX;
 /// Log-odds are counted in observations and clamped to ± this.
@@ -73,17 +75,8 @@ pub struct Evidence {
     max_bricks: usize,
     /// Keys of bricks that found no room in the frame in hand; may hold repeats.
     refused: Vec<u64>,
-}
-
-/// A stored grid.
-#[derive(Debug)]
-pub struct EvidenceState<'a> {
-    pub bricks: Cow<'a, [Cell]>,
-    pub known: Cow<'a, [Known]>,
-    pub log_odds: Cow<'a, [i8]>,
-    pub crossed: Cow<'a, [u32]>,
-    pub hit: Cow<'a, [u32]>,
-    pub surfels: Cow<'a, [u32]>,
+    /// Bricks that took surfels in the frame in hand; may hold repeats.
+    filled: Vec<u32>,
 }
 
 impl Evidence {
@@ -104,42 +97,8 @@ impl Evidence {
             index: FxHashMap::default(),
             max_bricks: NO_BRICK as usize,
             refused: Vec::new(),
+            filled: Vec::new(),
         }
-    }
-
-    /// Everything that [`Evidence::with_state`] needs to go on as if it had not stopped.
-    pub fn state(&self) -> EvidenceState<'_> {
-        EvidenceState {
-            bricks: Cow::Borrowed(&self.bricks),
-            known: Cow::Borrowed(&self.known),
-            log_odds: Cow::Borrowed(&self.log_odds),
-            crossed: Cow::Borrowed(&self.crossed),
-            hit: Cow::Borrowed(&self.hit),
-            surfels: Cow::Borrowed(&self.surfels),
-        }
-    }
-
-    /// Takes up a stored state; `surfels` is the number of surfel slots.
-    pub fn with_state(mut self, state: EvidenceState<'_>, surfels: usize) -> Result<Self> {
-        let bricks = state.bricks.len();
-        let cells =
-            [state.log_odds.len(), state.crossed.len(), state.hit.len(), state.surfels.len()];
-        if state.known.len() != bricks
-            || cells.iter().any(|&c| c != bricks * CELLS)
-            || state.surfels.iter().any(|&s| s != NO_SURFEL && s as usize >= surfels)
-        {
-            return Err(Error::corrupt("evidence", "columns do not fit together"));
-        }
-        self.bricks = state.bricks.into_owned();
-        self.known = state.known.into_owned();
-        self.log_odds = state.log_odds.into_owned();
-        self.crossed = state.crossed.into_owned();
-        self.hit = state.hit.into_owned();
-        self.surfels = state.surfels.into_owned();
-        self.visited = vec![0; bricks];
-        let places = self.bricks.iter().enumerate();
-        self.index = places.map(|(i, &b)| (pack(b), i as u32)).collect();
-        Ok(self)
     }
 
     /// Bounds the bricks from now on; what there is stays.
@@ -160,6 +119,18 @@ impl Evidence {
     /// A brick's low corner, in cells.
     pub fn brick_cell(&self, brick: u32) -> Cell {
         self.bricks[brick as usize].map(|c| c * BRICK_CELLS)
+    }
+
+    /// A brick's place, in bricks.
+    pub fn brick(&self, brick: u32) -> Cell {
+        self.bricks[brick as usize]
+    }
+
+    /// The cells of a brick, x first: their first surfel, or [`NO_SURFEL`], and what
+    /// [`Self::free_since`] says of them, 0 for nothing.
+    pub fn cells(&self, brick: u32) -> impl Iterator<Item = [u32; 2]> {
+        let first = brick as usize * CELLS;
+        (first..first + CELLS).map(|i| [self.surfels[i], self.free_cell_since(i).unwrap_or(0)])
     }
 
     /// Which cells of a brick are known, bit x + 8y + 64z.
@@ -198,7 +169,15 @@ impl Evidence {
     pub fn push_surfel(&mut self, point: Vec3, surfel: u32) -> Option<u32> {
         let cell = cell_of(point, 1.0 / self.cell_m);
         let at = self.cached_address(cell, &mut (u64::MAX, NO_BRICK))?;
+        if self.filled.last() != Some(&at.brick) {
+            self.filled.push(at.brick);
+        }
         Some(std::mem::replace(&mut self.surfels[at.slot()], surfel))
+    }
+
+    /// Bricks that took surfels since the last call; may hold repeats.
+    pub fn take_filled(&mut self) -> Vec<u32> {
+        std::mem::take(&mut self.filled)
     }
 
     /// Replaces the head of a cell's list.
@@ -219,8 +198,11 @@ impl Evidence {
     /// hit it.
     #[inline]
     pub fn free_since(&self, point: Vec3) -> Option<u32> {
-        let at = self.find(point)?;
-        let i = at.slot();
+        self.free_cell_since(self.find(point)?.slot())
+    }
+
+    #[inline]
+    fn free_cell_since(&self, i: usize) -> Option<u32> {
         (self.log_odds[i] < 0).then(|| self.crossed[i])
     }
 
@@ -348,13 +330,13 @@ impl Evidence {
     fn cached_address(&mut self, cell: Cell, cache: &mut (u64, u32)) -> Option<CellAddress> {
         let key = pack(brick_of(cell));
         if cache.0 != key {
-            *cache = (key, self.brick(cell));
+            *cache = (key, self.brick_around(cell));
         }
         (cache.1 != NO_BRICK).then(|| CellAddress { brick: cache.1, index: index_of(cell) })
     }
 
     /// The brick around a cell, created where absent; [`NO_BRICK`] if there is no room for it.
-    fn brick(&mut self, cell: Cell) -> u32 {
+    fn brick_around(&mut self, cell: Cell) -> u32 {
         let brick = brick_of(cell);
         let next = self.bricks.len() as u32;
         if self.bricks.len() >= self.max_bricks {

@@ -1,20 +1,21 @@
 //! One frame into surfels, evidence, voxels and prior: everything that needs no training.
 
-use std::borrow::Cow;
+mod stored;
 
 use rayon::prelude::*;
 
-use super::evidence::{BRICK_CELLS, Carved, CellAddress, Evidence, EvidenceState};
+use super::evidence::{BRICK_CELLS, Carved, CellAddress, Evidence};
 use super::noise::DepthNoise;
 use super::observe::observe;
-use super::prior::{PriorChange, PriorField, PriorState};
+use super::prior::{PriorChange, PriorField};
 use super::sight::Sight;
 use super::split;
-use super::surfel::{NO_SURFEL, SurfelMap, SurfelState, Touch};
+use super::surfel::{NO_SURFEL, SurfelMap, Touch};
 use crate::config::MapConfig;
-use crate::error::Result;
 use crate::frame::Frame;
 use crate::octree::{Cell, NO_ROW, NodeSource, Topology, cell_of};
+
+pub use stored::SurfaceState;
 
 /// Signed distances this close to an observed surface are known, m (design.md "Evidence").
 pub const NEAR_M: f32 = 0.1;
@@ -78,20 +79,16 @@ pub struct Surface {
     bricks_planted: u32,
 }
 
-/// A stored surface.
-#[derive(Debug)]
-pub struct SurfaceState<'a> {
-    pub surfels: SurfelState<'a>,
-    pub evidence: EvidenceState<'a>,
-    pub prior: PriorState<'a>,
-    pub ringed: Cow<'a, [u8]>,
-}
-
 /// What one frame changed.
 #[derive(Debug, Default)]
 pub struct SurfaceChange {
     pub prior: PriorChange,
+    /// Bricks that know more cells.
     pub changed_bricks: Vec<u32>,
+    /// Bricks whose cells were crossed, hit or given other surfels.
+    pub touched_bricks: Vec<u32>,
+    /// Surfels that are new or fused, or stand elsewhere in their cell's list; may hold repeats.
+    pub surfels: Vec<u32>,
     pub surfels_removed: usize,
 }
 
@@ -110,27 +107,6 @@ impl Surface {
             ringed: Vec::new(),
             bricks_planted: 0,
         }
-    }
-
-    /// Everything that [`Surface::with_state`] needs to go on as if it had not stopped.
-    pub fn state(&self) -> SurfaceState<'_> {
-        SurfaceState {
-            surfels: self.surfels.state(),
-            evidence: self.evidence.state(),
-            prior: self.prior.state(),
-            ringed: Cow::Borrowed(&self.ringed),
-        }
-    }
-
-    /// Takes up a stored state beside a topology of `rows` rows.
-    pub fn with_state(mut self, state: SurfaceState<'_>, rows: usize) -> Result<Self> {
-        self.surfels = self.surfels.with_state(state.surfels)?;
-        let slots = self.surfels.slots();
-        self.evidence = self.evidence.with_state(state.evidence, slots)?;
-        self.prior = self.prior.with_state(state.prior, rows, slots)?;
-        self.ringed = state.ringed.into_owned();
-        self.bricks_planted = self.evidence.bricks() as u32;
-        Ok(self)
     }
 
     /// Bytes held.
@@ -168,8 +144,14 @@ impl Surface {
         self.seed(&touched, topology);
         self.reopen(&carved.opened, topology);
         self.see_free(frame, &noise, &carved.visited, epoch, topology, pool);
+        let mut touched_bricks = carved.visited;
+        touched_bricks.extend(self.evidence.take_filled());
+        touched_bricks.sort_unstable();
+        touched_bricks.dedup();
         let mut change = SurfaceChange {
             changed_bricks: carved.changed_bricks,
+            touched_bricks,
+            surfels: self.surfels.take_changed(),
             surfels_removed: gone.len(),
             ..SurfaceChange::default()
         };
@@ -189,6 +171,7 @@ impl Surface {
             self.prior.settle(topology, &self.surfels);
             let now = self.prior.evaluate(topology, &self.surfels, &self.evidence, pool);
             let splits = split::find(self, topology, &now.rows, self.split_error_m, pool);
+            change.measured.extend(now.measured);
             change.rows.extend(now.rows);
             change.voided.extend(now.voided);
             if splits.is_empty() || round == self.lattice.brick {

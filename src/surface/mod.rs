@@ -13,7 +13,7 @@ mod surfel;
 #[cfg(test)]
 mod test_frame;
 
-pub use evidence::{BRICK_CELLS, Carved, CellAddress, Evidence, EvidenceState, Known};
+pub use evidence::{BRICK_CELLS, CELLS, Carved, CellAddress, Evidence, EvidenceState, Known};
 pub use fusion::{Lattice, NEAR_M, Surface, SurfaceChange, SurfaceState};
 pub use prior::{PriorChange, PriorField, PriorState};
 pub use surfel::{Link, NO_SURFEL, Surfel, SurfelMap, SurfelState, Touch};

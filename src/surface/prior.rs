@@ -50,6 +50,9 @@ pub struct PriorChange {
     pub rows: Vec<u32>,
     /// Among them, those that moved so far that what was learned there is void.
     pub voided: Vec<u32>,
+    /// Rows that were measured again, whose nearest surfel or epoch seen free may have changed; may
+    /// hold repeats.
+    pub measured: Vec<u32>,
 }
 
 /// A row's learned part is void when its prior moves by more than this, m, or changes sign.
@@ -227,6 +230,7 @@ impl PriorField {
                 }
             }
         }
+        change.measured = rows;
         change
     }
 

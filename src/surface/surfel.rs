@@ -100,6 +100,8 @@ pub struct SurfelMap {
     refused: u64,
     alive: usize,
     by_key: FxHashMap<u64, u32>,
+    /// Surfels that changed since [`SurfelMap::take_changed`]; may hold repeats.
+    changed: Vec<u32>,
     scratch: Scratch,
 }
 
@@ -135,6 +137,7 @@ impl SurfelMap {
             refused: 0,
             alive: 0,
             by_key: FxHashMap::default(),
+            changed: Vec::new(),
             scratch: Scratch::default(),
         }
     }
@@ -164,6 +167,12 @@ impl SurfelMap {
     /// Links a surfel in front of `next` in its evidence cell.
     pub fn set_next_in_cell(&mut self, id: u32, next: u32) {
         self.links[id as usize].next_in_cell = next;
+        self.changed.push(id);
+    }
+
+    /// Surfels whose place, normal or link changed since the last call; may hold repeats.
+    pub fn take_changed(&mut self) -> Vec<u32> {
+        std::mem::take(&mut self.changed)
     }
 
     /// Counts a frame that saw through the surfel (`true`) or saw it (`false`); returns the
@@ -299,6 +308,7 @@ impl SurfelMap {
                 (surfel.normal * surfel.weight + normal * weight).normalize_or(surfel.normal);
             surfel.weight = total.min(MAX_WEIGHT);
             self.links[id as usize].position = surfel.position;
+            self.changed.push(id);
             let offset = surfel.position - surfel.told_position;
             let limit = MOVED_SHARE * self.size_m;
             let moved = offset.dot(surfel.normal).abs() > limit
@@ -340,6 +350,7 @@ impl SurfelMap {
         };
         self.by_key.insert(key, id);
         self.alive += 1;
+        self.changed.push(id);
         Some((id, Touch::New))
     }
 }

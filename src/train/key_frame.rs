@@ -1,5 +1,7 @@
 //! What training keeps of a frame.
 
+use std::sync::Arc;
+
 use bytemuck::{Pod, Zeroable};
 use glam::{IVec3, Mat3, Vec3};
 
@@ -30,10 +32,12 @@ pub struct Pixel {
 pub struct KeyFrame {
     /// Camera centre, world metres.
     pub origin: Vec3,
-    pub(super) world_from_camera: Mat3,
+    pub world_from_camera: Mat3,
     /// 1/fx, 1/fy, cx, cy.
-    pub(super) camera: [f32; 4],
-    pub pixels: Vec<Pixel>,
+    pub camera: [f32; 4],
+    /// Shared by all copies of the key frame: who keeps a copy elsewhere knows it by its place, and
+    /// whether anybody still holds it.
+    pub pixels: Arc<[Pixel]>,
     /// Blocks that hold a pixel's end, sorted.
     pub(super) blocks: Vec<u64>,
     /// Level-0 voxels that hold a pixel's end, sorted; kept for the newest key frame alone.
@@ -54,18 +58,20 @@ impl KeyFrame {
             origin: frame.world_from_camera.position_f32(),
             world_from_camera: frame.world_from_camera.rotation_f32(),
             camera: [1.0 / k.fx as f32, 1.0 / k.fy as f32, k.cx as f32, k.cy as f32],
-            pixels: Vec::with_capacity(max_pixels),
+            pixels: Arc::default(),
             blocks: Vec::new(),
             voxels: Vec::new(),
         };
+        let mut pixels = Vec::with_capacity(max_pixels);
         for v in (stride / 2..k.height as usize).step_by(stride) {
             for u in (stride / 2..k.width as usize).step_by(stride) {
                 let z = frame.depth.at(u as u32, v as u32);
                 if z > 0.0 {
-                    key_frame.pixels.push(Pixel { u: u as u16, v: v as u16, z });
+                    pixels.push(Pixel { u: u as u16, v: v as u16, z });
                 }
             }
         }
+        key_frame.pixels = pixels.into();
         key_frame.blocks = key_frame.cells(BLOCK_M);
         key_frame.voxels = key_frame.cells(r0_m);
         key_frame

@@ -9,5 +9,7 @@ mod schedule;
 pub use batch::{Batch, SampleKind};
 pub use key_frame::{KeyFrame, Pixel};
 pub use key_frames::{FrameRecord, KeyFrames, KeyFramesState};
-pub use rays::{RayPlan, sample};
+pub use rays::{
+    FREE_END_M, FREE_START_M, PERTURBED_LIMIT_M, PERTURBED_M, RAY_SAMPLES, RayPlan, sample, stale_m,
+};
 pub use schedule::{Pace, Schedule};

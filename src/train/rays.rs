@@ -10,15 +10,18 @@ use crate::octree::Topology;
 use crate::surface::Surface;
 
 /// Stratified samples lie between this depth and the surface less [`FREE_END_M`], z in m.
-const FREE_START_M: f32 = 0.07;
-const FREE_END_M: f32 = 0.08;
+pub const FREE_START_M: f32 = 0.07;
+pub const FREE_END_M: f32 = 0.08;
 /// Perturbed samples: standard deviation and clamp around the surface, z in m.
-const PERTURBED_M: f32 = 0.06;
-const PERTURBED_LIMIT_M: f32 = 0.12;
+pub const PERTURBED_M: f32 = 0.06;
+pub const PERTURBED_LIMIT_M: f32 = 0.12;
 /// Rays a task; fixed, so that the batch does not depend on the threads.
 const CHUNK: u32 = 256;
-/// A ray whose end lies farther than this from every surfel is stale or a flying pixel, m.
+/// A ray whose end lies farther than this from every surfel is stale or a flying pixel, m; at least,
+/// and at least two surfels.
 const STALE_M: f32 = 0.06;
+/// Most samples of a ray.
+pub const RAY_SAMPLES: u32 = 4;
 
 /// Which rays a step draws.
 #[derive(Debug, Clone, Copy)]
@@ -63,6 +66,11 @@ pub fn sample(
     whole
 }
 
+/// How far from every surfel a ray's end may lie, m.
+pub fn stale_m(surface: &Surface) -> f32 {
+    STALE_M.max(2.0 * surface.surfels.size_m())
+}
+
 fn sample_ray(
     plan: &RayPlan,
     ray: u32,
@@ -78,7 +86,7 @@ fn sample_ray(
     let pixel = frame.pixels[index];
     let direction = frame.direction(pixel);
     let at = |z: f32| frame.origin + direction * z;
-    let stale = STALE_M.max(2.0 * surface.surfels.size_m());
+    let stale = stale_m(surface);
     let end = at(pixel.z);
     let Some(on_surface) = label(topology, surface, end).filter(|d| d.abs() <= stale) else {
         return;

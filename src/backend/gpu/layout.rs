@@ -59,6 +59,34 @@ pub(super) struct Step {
     pub(super) gradient_scale: f32,
 }
 
+/// Which rays a step draws; `Draw` in shaders/lib/draw.wgsl says what they are.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Draw {
+    pub(super) rays: u32,
+    pub(super) frames: u32,
+    pub(super) seed: u32,
+    pub(super) counter: u32,
+    pub(super) eikonal_share: f32,
+    pub(super) cell_m: f32,
+    pub(super) inverse_cell: f32,
+    pub(super) radius_m: f32,
+    pub(super) stale_m: f32,
+}
+
+/// A frame of the window.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Frame {
+    pub(super) origin: [f32; 3],
+    pub(super) first: u32,
+    pub(super) x_axis: [f32; 3],
+    pub(super) pixels: u32,
+    pub(super) y_axis: [f32; 4],
+    pub(super) z_axis: [f32; 4],
+    pub(super) camera: [f32; 4],
+}
+
 /// A labelled point.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]

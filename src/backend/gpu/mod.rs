@@ -1,8 +1,9 @@
 //! The GPU trainer: what is learned lies in pools on the GPU, and wgpu kernels train it.
 //!
 //! The host keeps topology, surface and prior; the GPU has a copy that follows by deltas
-//! (`mirror`). A step is five kinds of passes (`training`); what they changed comes back in one
-//! readback a call (`readback`). Gradients of rows are summed in fixed point and those of decoders
+//! (`mirror`, `surface`), and keeps the pixels of key frames (`pixels`). A step draws its samples
+//! (`sampling`) and is taken in five kinds of passes (`training`); what they changed comes back in
+//! one readback a call (`readback`). Gradients of rows are summed in fixed point and those of decoders
 //! by lanes in a fixed order, so that a step has the same bits whenever it runs on one adapter.
 
 mod decoder;
@@ -11,18 +12,21 @@ mod kernel;
 mod layout;
 mod mirror;
 mod passes;
+mod pixels;
 mod pool;
 mod readback;
 mod rows;
+mod sampling;
 mod shader;
+mod surface;
 #[cfg(test)]
 mod tests;
 mod training;
+mod writes;
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use rayon::ThreadPool;
 use rustc_hash::FxHashMap;
 
 use self::decoder::GpuDecoder;
@@ -32,16 +36,17 @@ use self::mirror::Mirror;
 use self::passes::{Clock, Passes};
 use self::readback::{Collector, Readback, Results, Sources};
 use self::rows::Rows;
+use self::sampling::{Sampling, Slots};
+use self::surface::SurfaceMirror;
 use self::training::{Model, Training};
+use self::writes::{Writer, Writes};
 use super::{
-    Backend, BackendState, Changes, DecoderState, LearnedRow, Losses, MAX_SAMPLES, Scene,
-    StepParameters, StepReport, Work, WorkReport,
+    Backend, BackendState, Changes, DecoderState, LearnedRow, Losses, Scene, StepReport, Work,
+    WorkReport,
 };
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::modality::{Decoders, occupancy, sdf};
-use crate::octree::NodeSource;
-use crate::train::{RayPlan, sample};
 
 /// Rows that one frame can add: there is always room for this many, below the budget.
 const HEADROOM: u64 = 1 << 17;
@@ -50,12 +55,13 @@ const HEADROOM: u64 = 1 << 17;
 pub struct GpuBackend {
     gpu: Gpu,
     clock: Option<Arc<Clock>>,
-    /// Draws samples.
-    pool: Arc<ThreadPool>,
+    writer: Writer,
     mirror: Mirror,
+    surface: SurfaceMirror,
     rows: Rows,
     sdf: GpuDecoder,
     occupancy: Option<GpuDecoder>,
+    sampling: Sampling,
     training: Training,
     collector: Collector,
     /// Rows of the scene.
@@ -85,12 +91,7 @@ struct Heard {
 impl GpuBackend {
     /// A backend without rows on the best adapter, which takes up to `memory_mib` of its memory for
     /// rows; decoders start from the configuration's seed.
-    pub fn new(
-        config: &MapConfig,
-        adapters: Adapters,
-        memory_mib: u32,
-        pool: Arc<ThreadPool>,
-    ) -> Result<Self> {
+    pub fn new(config: &MapConfig, adapters: Adapters, memory_mib: u32) -> Result<Self> {
         let gpu = Gpu::open(adapters)?;
         let decoders = Decoders {
             sdf: sdf::decoder(&config.hidden, config.seed)?,
@@ -103,13 +104,15 @@ impl GpuBackend {
             .transpose()?;
         Ok(Self {
             clock: Clock::new(&gpu)?.map(Arc::new),
+            writer: Writer::new(&gpu)?,
             mirror: Mirror::new(&gpu)?,
+            surface: SurfaceMirror::new(&gpu)?,
+            sampling: Sampling::new(&gpu, config)?,
             rows: Rows::new(&gpu)?,
             training: Training::new(&gpu, &sdf, occupancy.as_ref())?,
             collector: Collector::new(&gpu)?,
             sdf,
             occupancy,
-            pool,
             rows_used: 0,
             most_rows: (u64::from(memory_mib) << 20) / Rows::ROW_BYTES,
             under_way: None,
@@ -206,12 +209,6 @@ impl GpuBackend {
         self.gpu.check()
     }
 
-    /// Sets the numbers of a step on the first `samples` samples, which are on the GPU.
-    fn set(&self, nodes: &impl NodeSource, samples: u32, parameters: &StepParameters) {
-        let root = (nodes.root(), nodes.unit_m());
-        self.training.set(&self.gpu, root, self.rows_used as u32, samples, parameters);
-    }
-
     fn model(&self) -> Model<'_> {
         Model {
             mirror: &self.mirror,
@@ -262,7 +259,8 @@ impl Backend for GpuBackend {
             let grown = self
                 .rows
                 .reserve(&self.gpu, doubled)
-                .and_then(|()| self.mirror.prior.grow(&self.gpu, doubled + 1));
+                .and_then(|()| self.mirror.prior.grow(&self.gpu, doubled + 1))
+                .and_then(|()| self.surface.anchors.grow(&self.gpu, doubled + 1));
             match grown {
                 Err(Error::ResourceExhausted { what, limit }) => {
                     tracing::warn!(%what, %limit, "no more rows on the GPU");
@@ -277,33 +275,42 @@ impl Backend for GpuBackend {
     fn follow(&mut self, scene: &Scene<'_>, changes: &Changes<'_>) -> Result<()> {
         self.rows_used = scene.topology.rows();
         self.mirror.reserve_nodes(&self.gpu, scene.topology.node_slots() as u64)?;
+        self.surface.reserve(&self.gpu, scene.surface)?;
+        let mut writes = Writes::default();
+        self.mirror.follow(&mut writes, (scene.topology, scene.prior), changes);
+        self.surface.follow(&mut writes, scene.surface, changes);
+        tracing::trace!(bytes = writes.bytes(), "mirrored");
         let mut passes = Passes::new(&self.gpu, None);
-        self.mirror.follow(&self.gpu, &mut passes, (scene.topology, scene.prior), changes)?;
+        self.writer.record(&self.gpu, &mut passes, writes)?;
         self.gpu.queue.submit([passes.encoder.finish()]);
         self.void(changes.voided)
     }
 
     fn train(&mut self, scene: &Scene<'_>, work: &Work<'_>) -> Result<()> {
         self.hear()?;
-        let mut rays = 0;
+        if work.steps == 0 {
+            return Ok(());
+        }
+        let samples = self.sampling.prepare(&self.gpu, scene.surface, work)?;
+        self.training.reserve(&self.gpu, samples.into())?;
+        let rows = self.rows_used as u32;
+        let numbers = training::numbers(scene.topology, rows, samples, &work.parameters);
+        self.training.set(&self.gpu, numbers);
+        let mut passes = Passes::new(&self.gpu, self.clock.clone());
+        let (model, stencil) = (self.model(), work.parameters.stencil);
+        let slots = Slots {
+            mirror: &self.mirror,
+            surface: &self.surface,
+            step: &self.training.step,
+            samples: &self.training.samples,
+            count: samples,
+        };
         for step in 0..work.steps {
-            let plan = RayPlan { step: work.plan.step.wrapping_add(step), ..work.plan };
-            let batch = sample(&plan, work.frames, scene.topology, scene.surface, &self.pool);
-            let samples = batch.points.len().min(MAX_SAMPLES) as u32;
-            self.training.upload(&self.gpu, &batch)?;
-            rays += plan.rays;
-            let mut passes = Passes::new(&self.gpu, self.clock.clone());
-            self.set(scene.topology, samples, &work.parameters);
-            let (model, stencil) = (self.model(), work.parameters.stencil);
+            self.sampling.draw(&self.gpu, &mut passes, step, &slots)?;
             self.training.accumulate(&self.gpu, &mut passes, &model, stencil, samples)?;
             self.training.optimise(&self.gpu, &mut passes, &model, stencil, samples)?;
-            if step + 1 < work.steps {
-                self.gpu.queue.submit([passes.encoder.finish()]);
-            } else {
-                self.submit(passes, rays, samples)?;
-            }
         }
-        Ok(())
+        self.submit(passes, work.plan.rays.saturating_mul(work.steps), samples)
     }
 
     fn finish(&mut self) -> Result<()> {
@@ -373,12 +380,13 @@ impl Backend for GpuBackend {
 impl GpuBackend {
     /// The kernels of a step, and the constants that each was compiled with.
     pub fn kernels(&self) -> Vec<(&'static str, String)> {
-        let kernels = self.training.kernels();
-        kernels.into_iter().map(|kernel| (kernel.name, kernel.variant.clone())).collect()
+        let kernels = [&self.sampling.kernel].into_iter().chain(self.training.kernels());
+        kernels.map(|kernel| (kernel.name, kernel.variant.clone())).collect()
     }
 
     /// Rows that there is room for.
     fn room(&self) -> u64 {
-        self.rows.capacity().min(self.mirror.prior.capacity())
+        let pools = [self.mirror.prior.capacity(), self.surface.anchors.capacity()];
+        pools.into_iter().fold(self.rows.capacity(), u64::min)
     }
 }

@@ -43,6 +43,11 @@ impl Pool {
         Ok(())
     }
 
+    /// Makes room for `records` and half as many again, where they do not fit.
+    pub(super) fn grow_ahead(&mut self, gpu: &Gpu, records: u64) -> Result<()> {
+        if records <= self.records { Ok(()) } else { self.grow(gpu, records + records / 2) }
+    }
+
     /// The whole buffer, for a kernel.
     pub(super) fn binding(&self) -> wgpu::BindingResource<'_> {
         self.buffer.as_entire_binding()

@@ -31,8 +31,8 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    /// What a row takes, bytes, its prior included.
-    pub(super) const ROW_BYTES: u64 = 4 * COLUMNS_BYTES + 8 + 3 * 4 + 16;
+    /// What a row takes, bytes, its prior and its anchor included.
+    pub(super) const ROW_BYTES: u64 = 4 * COLUMNS_BYTES + 8 + 3 * 4 + 16 + 8;
 
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self {

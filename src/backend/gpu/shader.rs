@@ -15,13 +15,16 @@ const FILES: &[(&str, &str)] = &[
     wgsl!("lib/adam"),
     wgsl!("lib/constants"),
     wgsl!("lib/decoder"),
+    wgsl!("lib/draw"),
     wgsl!("lib/gradients"),
     wgsl!("lib/interpolation"),
     wgsl!("lib/lattice"),
     wgsl!("lib/losses"),
     wgsl!("lib/octree"),
+    wgsl!("lib/random"),
     wgsl!("lib/sample"),
     wgsl!("lib/step"),
+    wgsl!("lib/surfels"),
     wgsl!("mirror/clear"),
     wgsl!("mirror/write"),
     wgsl!("modality/occupancy"),
@@ -33,6 +36,7 @@ const FILES: &[(&str, &str)] = &[
     wgsl!("train/distance"),
     wgsl!("train/locate"),
     wgsl!("train/occupancy"),
+    wgsl!("train/sample"),
 ];
 
 /// A constant that a kernel is compiled with.

@@ -1,4 +1,4 @@
-//! The passes of one step: locate, occupancy, distance, rows, decoders.
+//! The passes of one step on samples: locate, occupancy, distance, rows, decoders.
 
 use super::decoder::GpuDecoder;
 use super::device::Gpu;
@@ -13,7 +13,8 @@ use super::shader::Constant;
 use crate::backend::{Pass, StepParameters};
 use crate::error::Result;
 use crate::modality::losses::Stencil;
-use crate::octree::Root;
+use crate::octree::{NodeSource, Root};
+#[cfg(test)]
 use crate::train::Batch;
 
 /// Points of a tile of the fused kernels.
@@ -37,7 +38,7 @@ pub(super) struct Training {
     occupancy: Option<Kernel>,
     distance: [Kernel; 2],
     rows: Kernel,
-    step: wgpu::Buffer,
+    pub(super) step: wgpu::Buffer,
     pub(super) samples: Pool,
     pub(super) sites: Pool,
     logits: Pool,
@@ -57,6 +58,33 @@ fn distance_lanes(stencil: Stencil, samples: u32) -> u32 {
 /// Evaluations of a sample with a stencil.
 fn points(stencil: Stencil) -> u32 {
     1 + stencil.offsets().len() as u32
+}
+
+/// The numbers of a step in a tree with `rows` rows.
+pub(super) fn numbers(
+    nodes: &impl NodeSource,
+    rows: u32,
+    samples: u32,
+    parameters: &StepParameters,
+) -> Step {
+    let w = &parameters.weights;
+    let root = nodes.root().unwrap_or(Root { node: NONE, min: [0; 3], log2_size: 0 });
+    Step {
+        root_min: root.min,
+        root_node: root.node,
+        unit_m: nodes.unit_m(),
+        root_log2: root.log2_size.into(),
+        rows,
+        samples,
+        distance_weights: [w.projection, w.perturbation, w.boundary],
+        occupancy_weight: w.occupancy,
+        eikonal_weights: [w.eikonal_space, w.eikonal_surface, w.eikonal_surface],
+        consistency_weight: w.consistency,
+        rate: parameters.rate,
+        occupancy_rate: parameters.occupancy_rate,
+        decoder_rate: parameters.decoder_rate,
+        gradient_scale: samples.max(1).next_power_of_two() as f32,
+    }
 }
 
 impl Training {
@@ -93,6 +121,7 @@ impl Training {
     }
 
     /// Brings a batch to the GPU.
+    #[cfg(test)]
     pub(super) fn upload(&mut self, gpu: &Gpu, batch: &Batch) -> Result<()> {
         let sample = |i: usize| Sample {
             point: batch.points[i].to_array(),
@@ -116,32 +145,7 @@ impl Training {
     }
 
     /// Sets the numbers of the next step.
-    pub(super) fn set(
-        &self,
-        gpu: &Gpu,
-        (root, unit_m): (Option<Root>, f32),
-        rows: u32,
-        samples: u32,
-        parameters: &StepParameters,
-    ) {
-        let w = &parameters.weights;
-        let root = root.unwrap_or(Root { node: NONE, min: [0; 3], log2_size: 0 });
-        let step = Step {
-            root_min: root.min,
-            root_node: root.node,
-            unit_m,
-            root_log2: root.log2_size.into(),
-            rows,
-            samples,
-            distance_weights: [w.projection, w.perturbation, w.boundary],
-            occupancy_weight: w.occupancy,
-            eikonal_weights: [w.eikonal_space, w.eikonal_surface, w.eikonal_surface],
-            consistency_weight: w.consistency,
-            rate: parameters.rate,
-            occupancy_rate: parameters.occupancy_rate,
-            decoder_rate: parameters.decoder_rate,
-            gradient_scale: samples.max(1).next_power_of_two() as f32,
-        };
+    pub(super) fn set(&self, gpu: &Gpu, step: Step) {
         gpu.write(&self.step, &[step]);
     }
 
@@ -239,6 +243,8 @@ fn least_bytes(pass: &str, results: &Results, samples: u64) -> u64 {
     let (sample, site) = (size_of::<Sample>() as u64, size_of::<Site>() as u64);
     let rows = u64::from(results.touched);
     match pass {
+        // Samples and pixels; the surfels that a label takes are not counted.
+        "train/sample" => samples * sample + samples / 4 * 8,
         "train/locate" => samples * (sample + site),
         // Explicit twice, the feature, and its gradient both ways.
         "train/occupancy" => samples * (sample + site + 4) + rows * QUAD * (2 + 2 + 2 * 2),

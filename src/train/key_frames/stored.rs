@@ -53,7 +53,7 @@ impl KeyFrames {
                 lengths: [&frame.blocks, &frame.voxels].map(|cells| cells.len() as u32),
                 pixels: frame.pixels.len() as u32,
             });
-            state.pixels.extend(&frame.pixels);
+            state.pixels.extend_from_slice(&frame.pixels);
             state.cells.extend(frame.blocks.iter().chain(&frame.voxels));
         }
         for (block, seen) in &self.by_block {
@@ -75,7 +75,7 @@ impl KeyFrames {
                 origin: record.origin,
                 world_from_camera: record.world_from_camera,
                 camera: record.camera,
-                pixels: pixels.split_off(..record.pixels as usize).ok_or_else(damaged)?.to_vec(),
+                pixels: pixels.split_off(..record.pixels as usize).ok_or_else(damaged)?.into(),
                 blocks: cells.split_off(..blocks).ok_or_else(damaged)?.to_vec(),
                 voxels: cells.split_off(..voxels).ok_or_else(damaged)?.to_vec(),
             };

@@ -1,29 +1,33 @@
 //! Every kernel against its twin on the CPU, on whatever adapter there is: no adapter is a failure.
 
+mod labels;
 mod pools;
 mod shaders;
 mod twins;
+mod world;
 
 use super::*;
+use crate::backend::StepParameters;
 use crate::backend::cpu::tests as twin;
 use crate::config::Profile;
 use crate::modality::test_tree::Tree;
+use crate::octree::NodeSource;
 use crate::train::Batch;
 
 /// A backend on any adapter, with the rows and decoders of a CPU backend.
 fn like(cpu: &crate::backend::CpuBackend, profile: Profile, tree: &Tree) -> GpuBackend {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-    let mut gpu = GpuBackend::new(&twin::config(profile), Adapters::Any, 1024, Arc::new(pool))
+    let mut gpu = GpuBackend::new(&twin::config(profile), Adapters::Any, 1024)
         .expect("an adapter: tests need a Vulkan driver, software will do");
     gpu.reserve(tree.rows.len()).expect("room");
     gpu.rows_used = tree.rows.len();
     gpu.mirror.reserve_nodes(&gpu.gpu, node_slots(tree).into()).expect("room");
     let nodes: Vec<u32> = (0..node_slots(tree)).collect();
     let rows: Vec<u32> = (0..tree.rows.len() as u32).collect();
-    let changes = Changes { nodes: &nodes, rows: &rows, voided: &[] };
+    let changes = Changes { nodes: &nodes, rows: &rows, ..Changes::default() };
     let mut passes = Passes::new(&gpu.gpu, None);
-    let source = (tree, &tree.prior[..]);
-    gpu.mirror.follow(&gpu.gpu, &mut passes, source, &changes).expect("room");
+    let mut writes = Writes::default();
+    gpu.mirror.follow(&mut writes, (tree, &tree.prior[..]), &changes);
+    gpu.writer.record(&gpu.gpu, &mut passes, writes).expect("room");
     gpu.gpu.queue.submit([passes.encoder.finish()]);
     gpu.import(cpu.export().expect("a state")).expect("a state of this shape");
     gpu
@@ -46,7 +50,7 @@ fn node_slots(tree: &Tree) -> u32 {
 fn run(gpu: &mut GpuBackend, tree: &Tree, batch: &Batch, p: &StepParameters, step: bool) {
     let samples = batch.points.len() as u32;
     gpu.training.upload(&gpu.gpu, batch).expect("room");
-    gpu.set(tree, samples, p);
+    gpu.training.set(&gpu.gpu, training::numbers(tree, gpu.rows_used as u32, samples, p));
     let mut passes = Passes::new(&gpu.gpu, None);
     let model = gpu.model();
     gpu.training.accumulate(&gpu.gpu, &mut passes, &model, p.stencil, samples).expect("passes");

@@ -59,7 +59,7 @@ fn voided_rows_are_zero_and_results_from_before_do_not_bring_them_back() {
     // A step is under way when the rows are voided.
     let samples = batch.points.len() as u32;
     gpu.training.upload(&gpu.gpu, &batch).expect("room");
-    gpu.set(&tree, samples, &p);
+    gpu.training.set(&gpu.gpu, training::numbers(&tree, gpu.rows_used as u32, samples, &p));
     let mut passes = Passes::new(&gpu.gpu, None);
     let model = gpu.model();
     gpu.training.accumulate(&gpu.gpu, &mut passes, &model, p.stencil, samples).expect("passes");

@@ -1,7 +1,7 @@
 //! All shaders compile, and mean the same by what they share with the host.
 
-use super::super::layout;
 use super::super::shader::{self, Constant};
+use super::super::{layout, sampling};
 use crate::train::SampleKind;
 
 /// Every kernel, with constants that it can be compiled with.
@@ -31,6 +31,7 @@ fn kernels() -> Vec<(&'static str, Vec<(&'static str, Constant)>)> {
         ("train/distance", distance(32, 0, 4, 0)),
         ("train/locate", vec![("POINTS", u(7))]),
         ("train/occupancy", decoder(8, 32, 0)),
+        ("train/sample", sampling::constants().to_vec()),
     ]
 }
 
@@ -109,7 +110,7 @@ fn constants_are_the_hosts() {
 /// A struct's members and their offsets, and its size.
 #[test]
 fn structs_lie_as_the_hosts() {
-    let module = parsed("train/locate", &[("POINTS", Constant::U32(7))]);
+    let module = parsed("train/sample", &sampling::constants());
     let layout_of = |name: &str| {
         let found = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name));
         let (_, ty) = found.unwrap_or_else(|| panic!("no struct {name}"));
@@ -143,6 +144,20 @@ fn structs_lie_as_the_hosts() {
         decoder_rate,
         gradient_scale
     );
+    same!(
+        layout::Draw,
+        "Draw",
+        rays,
+        frames,
+        seed,
+        counter,
+        eikonal_share,
+        cell_m,
+        inverse_cell,
+        radius_m,
+        stale_m
+    );
+    same!(layout::Frame, "Frame", origin, first, x_axis, pixels, y_axis, z_axis, camera);
     same!(layout::Sample, "Sample", point, distance, occupancy, kind, eikonal, padding);
     same!(layout::Site, "Site", centre, around, padding);
 }

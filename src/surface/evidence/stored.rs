@@ -1,0 +1,56 @@
+//! Evidence as a checkpoint holds it.
+
+use std::borrow::Cow;
+
+use super::{CELLS, Evidence, Known};
+use crate::error::{Error, Result};
+use crate::octree::{Cell, pack};
+use crate::surface::surfel::NO_SURFEL;
+
+/// A stored grid.
+#[derive(Debug)]
+pub struct EvidenceState<'a> {
+    pub bricks: Cow<'a, [Cell]>,
+    pub known: Cow<'a, [Known]>,
+    pub log_odds: Cow<'a, [i8]>,
+    pub crossed: Cow<'a, [u32]>,
+    pub hit: Cow<'a, [u32]>,
+    pub surfels: Cow<'a, [u32]>,
+}
+
+impl Evidence {
+    /// Everything that [`Evidence::with_state`] needs to go on as if it had not stopped.
+    pub fn state(&self) -> EvidenceState<'_> {
+        EvidenceState {
+            bricks: Cow::Borrowed(&self.bricks),
+            known: Cow::Borrowed(&self.known),
+            log_odds: Cow::Borrowed(&self.log_odds),
+            crossed: Cow::Borrowed(&self.crossed),
+            hit: Cow::Borrowed(&self.hit),
+            surfels: Cow::Borrowed(&self.surfels),
+        }
+    }
+
+    /// Takes up a stored state; `surfels` is the number of surfel slots.
+    pub fn with_state(mut self, state: EvidenceState<'_>, surfels: usize) -> Result<Self> {
+        let bricks = state.bricks.len();
+        let cells =
+            [state.log_odds.len(), state.crossed.len(), state.hit.len(), state.surfels.len()];
+        if state.known.len() != bricks
+            || cells.iter().any(|&c| c != bricks * CELLS)
+            || state.surfels.iter().any(|&s| s != NO_SURFEL && s as usize >= surfels)
+        {
+            return Err(Error::corrupt("evidence", "columns do not fit together"));
+        }
+        self.bricks = state.bricks.into_owned();
+        self.known = state.known.into_owned();
+        self.log_odds = state.log_odds.into_owned();
+        self.crossed = state.crossed.into_owned();
+        self.hit = state.hit.into_owned();
+        self.surfels = state.surfels.into_owned();
+        self.visited = vec![0; bricks];
+        let places = self.bricks.iter().enumerate();
+        self.index = places.map(|(i, &b)| (pack(b), i as u32)).collect();
+        Ok(self)
+    }
+}
