@@ -37,7 +37,7 @@ impl EvalArgs {
 }
 
 /// Judges a view, and the mesh that it gives at the default resolution.
-pub(super) fn judge(view: &MapView, truth: &Truth) -> Result<Report> {
+pub fn judge(view: &MapView, truth: &Truth) -> Result<Report> {
     let pool = query_pool(0)?;
     let query = |points: &[_], fields| view.query(points, fields);
     let resolution_m = default_resolution_m(view.config().r0_m);

@@ -85,9 +85,9 @@ impl MapArgs {
                 Mapper::new(MapConfig::from_settings(&self.settings(&MapSettings::default()))?)?
             }
         };
-        mapper.train_on(Trainer::of(self.backend))?;
         let dataset = dataset::open(&self.dataset, self.format)?;
         let indices = self.frames.unwrap_or_default().indices(dataset.len(), self.stride)?;
+        mapper.train_on(Trainer::of(self.backend))?;
 
         let interrupted = Arc::new(AtomicBool::new(false));
         let flag = interrupted.clone();

@@ -45,9 +45,20 @@ enum Command {
     Doctor(doctor::DoctorArgs),
 }
 
+/// Without a session there is no display. A layer of Mesa asks it all the same which GPU it is on,
+/// and writes to stderr that it found none; this switches the layer off. To be called while the
+/// process has one thread.
+fn no_display() {
+    if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
+        // SAFETY: no other thread reads the environment; the caller is the only one.
+        unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
+    }
+}
+
 /// Parses the process's arguments and runs the subcommand. Wrong arguments end the process with
 /// code 2, as clap does.
 pub fn run() -> ExitCode {
+    no_display();
     crate::telemetry::log_to_stderr();
     let result = match Arguments::parse().command {
         Command::Demo(arguments) => arguments.run(),
