@@ -39,7 +39,6 @@ fn bad_arguments_and_datasets_end_with_code_2_and_a_reason() {
     refused(&["map", &empty, "--out", &out], "holds no recording");
     refused(&["map", "synthetic:attic", "--out", &out], "attic");
     refused(&["map", room, "--out", &at("missing/map")], "out");
-    refused(&["map", room, "--out", &out, "--backend", "gpu"], "backend");
     refused(&["map", room, "--out", &out, "--frames", "0..9"], "past the 4 frames");
     refused(&["map", room, "--out", &out, "--frames", "3"], "A..B");
     refused(&["map", room, "--out", &out, "--stride", "0"], "stride");
@@ -48,6 +47,42 @@ fn bad_arguments_and_datasets_end_with_code_2_and_a_reason() {
     refused(&["map", room, "--out", &out, "--noise", "salt:1"], "salt");
     refused(&["map", room, "--out", &out, "--resume", &missing], "missing");
     assert!(!Path::new(&out).exists());
+}
+
+#[test]
+fn without_a_driver_the_gpu_is_refused_and_auto_takes_the_cpu() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, report) = (folder.path().join("map.orenx"), folder.path().join("report.json"));
+    let map = |backend: &str| {
+        Command::new(env!("CARGO_BIN_EXE_orenx"))
+            .args(["map", "synthetic:room:frames=2,width=32", "--backend", backend, "--out"])
+            .arg(&out)
+            .arg("--report")
+            .arg(&report)
+            .env("VK_DRIVER_FILES", folder.path().join("none.json"))
+            .env("VK_ICD_FILENAMES", folder.path().join("none.json"))
+            .output()
+            .unwrap()
+    };
+    let refused = map("gpu");
+    let stderr = String::from_utf8_lossy(&refused.stderr);
+    assert!(stderr.contains("there is no GPU") && stderr.lines().count() == 1, "{stderr}");
+    assert!(refused.status.code() == Some(1) && !out.exists(), "{:?}", refused.status);
+    let mapped = map("auto");
+    assert!(mapped.status.success(), "{}", String::from_utf8_lossy(&mapped.stderr));
+    let report: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(&report).unwrap()).unwrap();
+    assert_eq!(report["backend"], "cpu");
+}
+
+#[test]
+fn doctor_says_what_there_is_and_compares_the_backends() {
+    let output = orenx(&["doctor"]);
+    let text = String::from_utf8(output.stdout).unwrap();
+    assert!(output.status.success(), "{text}{}", String::from_utf8_lossy(&output.stderr));
+    for part in ["adapter: ", "bytes of workgroup memory", "train/distance: ", "self-test: "] {
+        assert!(text.contains(part), "{part} in {text}");
+    }
 }
 
 #[test]
