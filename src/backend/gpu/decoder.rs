@@ -34,8 +34,8 @@ impl GpuDecoder {
     pub(super) fn new(gpu: &Gpu, name: &'static str, decoder: &Decoder) -> Result<Self> {
         let shape = decoder.shape();
         for width in [shape.first, shape.second] {
-            if !matches!(width, 0 | 16 | 32 | 64 | 128) {
-                let problem = format!("{width}: the GPU backend takes widths of 16, 32, 64 or 128");
+            if !matches!(width, 0 | 16 | 32 | 64) {
+                let problem = format!("{width}: the GPU backend takes widths of 16, 32 or 64");
                 return Err(Error::invalid("hidden", problem));
             }
         }

@@ -197,6 +197,21 @@ impl GpuBackend {
         self.gpu.check()
     }
 
+    /// Brings the copy of what the host owns up to date.
+    fn copy(&mut self, scene: &Scene<'_>, changes: &Changes<'_>) -> Result<()> {
+        self.rows_used = scene.topology.rows();
+        self.mirror.reserve_nodes(&self.gpu, scene.topology.node_slots() as u64)?;
+        self.surface.reserve(&self.gpu, scene.surface)?;
+        let mut writes = Writes::default();
+        self.mirror.follow(&mut writes, (scene.topology, scene.prior), changes);
+        self.surface.follow(&mut writes, scene.surface, changes);
+        tracing::trace!(bytes = writes.bytes(), "mirrored");
+        let mut passes = Passes::new(&self.gpu, None);
+        self.writer.record(&self.gpu, &mut passes, writes)?;
+        self.gpu.queue.submit([passes.encoder.finish()]);
+        self.void(changes.voided)
+    }
+
     /// Starts rows anew, also for results that are still under way.
     fn void(&mut self, rows: &[u32]) -> Result<()> {
         let mut passes = Passes::new(&self.gpu, None);
@@ -272,18 +287,12 @@ impl Backend for GpuBackend {
         Ok(self.room() as usize)
     }
 
+    /// A copy that misses a change is wrong from then on: what fails here ends the backend.
     fn follow(&mut self, scene: &Scene<'_>, changes: &Changes<'_>) -> Result<()> {
-        self.rows_used = scene.topology.rows();
-        self.mirror.reserve_nodes(&self.gpu, scene.topology.node_slots() as u64)?;
-        self.surface.reserve(&self.gpu, scene.surface)?;
-        let mut writes = Writes::default();
-        self.mirror.follow(&mut writes, (scene.topology, scene.prior), changes);
-        self.surface.follow(&mut writes, scene.surface, changes);
-        tracing::trace!(bytes = writes.bytes(), "mirrored");
-        let mut passes = Passes::new(&self.gpu, None);
-        self.writer.record(&self.gpu, &mut passes, writes)?;
-        self.gpu.queue.submit([passes.encoder.finish()]);
-        self.void(changes.voided)
+        self.copy(scene, changes).map_err(|error| match error {
+            lost @ Error::DeviceLost(_) => lost,
+            other => Error::DeviceLost(other.to_string()),
+        })
     }
 
     fn train(&mut self, scene: &Scene<'_>, work: &Work<'_>) -> Result<()> {
