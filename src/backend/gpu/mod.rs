@@ -34,16 +34,13 @@ use self::device::Gpu;
 pub use self::device::{AdapterReport, Adapters, adapters};
 use self::mirror::Mirror;
 use self::passes::{Clock, Passes};
-use self::readback::{Collector, Readback, Results, Sources};
+use self::readback::{Collector, Readback, Sources};
 use self::rows::Rows;
 use self::sampling::{Sampling, Slots};
 use self::surface::SurfaceMirror;
 use self::training::{Model, Training};
 use self::writes::{Writer, Writes};
-use super::{
-    Backend, BackendState, Changes, DecoderState, LearnedRow, Losses, Scene, StepReport, Work,
-    WorkReport,
-};
+use super::{Backend, BackendState, Changes, DecoderState, LearnedRow, Scene, Work, WorkReport};
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::modality::{Decoders, occupancy, sdf};
@@ -155,7 +152,7 @@ impl GpuBackend {
         if self.occupancy.is_some() {
             decoders.occupancy.update(|weights| weights.copy_from_slice(&results.occupancy));
         }
-        let step = report(&results);
+        let step = results.report();
         let ms: f32 = results.passes.iter().map(|(_, ms)| ms).sum();
         let took = match &self.clock {
             Some(_) => Duration::from_secs_f32(ms * 1e-3),
@@ -231,29 +228,6 @@ impl GpuBackend {
             sdf: &self.sdf,
             occupancy: self.occupancy.as_ref(),
         }
-    }
-}
-
-/// What the host reports of a step.
-fn report(results: &Results) -> StepReport {
-    let [free, perturbed, surface, free_eikonal, perturbed_eikonal, surface_eikonal] =
-        results.counts.map(|count| count as usize);
-    let mean = |sum: f32, count: usize| f64::from(sum) / count.max(1) as f64;
-    let samples = free + perturbed + surface;
-    let sums = &results.losses;
-    StepReport {
-        losses: Losses {
-            boundary: mean(sums[0], surface),
-            perturbation: mean(sums[1], perturbed),
-            projection: mean(sums[2], free),
-            eikonal_surface: mean(sums[3], perturbed_eikonal + surface_eikonal),
-            eikonal_space: mean(sums[4], free_eikonal),
-            occupancy: mean(sums[5], samples),
-            consistency: mean(sums[6], free + perturbed),
-            total: f64::from(sums[7]),
-        },
-        samples,
-        rows: results.touched as usize,
     }
 }
 

@@ -11,6 +11,7 @@ use super::layout::{LOSSES, ROW_QUADS, RowColumns};
 use super::passes::{Clock, Passes};
 use super::pool::Pool;
 use super::rows::Rows;
+use crate::backend::{Losses, StepReport};
 use crate::error::{Error, Result};
 
 /// Rows that are read back at once, at least and at most; what does not fit comes next time.
@@ -228,5 +229,30 @@ impl Readback {
             occupancy,
             passes: clock.map_or_else(Vec::new, |clock| clock.read(&self.passes, times)),
         })
+    }
+}
+
+impl Results {
+    /// What the host reports of the step.
+    pub(super) fn report(&self) -> StepReport {
+        let [free, perturbed, surface, free_eikonal, perturbed_eikonal, surface_eikonal] =
+            self.counts.map(|count| count as usize);
+        let mean = |sum: f32, count: usize| f64::from(sum) / count.max(1) as f64;
+        let samples = free + perturbed + surface;
+        let sums = &self.losses;
+        StepReport {
+            losses: Losses {
+                boundary: mean(sums[0], surface),
+                perturbation: mean(sums[1], perturbed),
+                projection: mean(sums[2], free),
+                eikonal_surface: mean(sums[3], perturbed_eikonal + surface_eikonal),
+                eikonal_space: mean(sums[4], free_eikonal),
+                occupancy: mean(sums[5], samples),
+                consistency: mean(sums[6], free + perturbed),
+                total: f64::from(sums[7]),
+            },
+            samples,
+            rows: self.touched as usize,
+        }
     }
 }
