@@ -19,6 +19,8 @@ demo: setup
 
 # Where the tools are that tests call. A test without this says that it is skipped.
 test: export ORENX_TEST_TOOLS := $(CURDIR)/.venv/bin
+# Mesa's layer that asks a display which GPU it is on: a test has none.
+test: export NODEVICE_SELECT := 1
 test: setup-test
 	cargo test $(CARGO_FLAGS)
 

@@ -130,9 +130,14 @@ impl Gpu {
         self.allocate(label, bytes, U::MAP_READ | U::COPY_DST)
     }
 
-    fn allocate(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
+    /// Most bytes of one buffer that a kernel can bind.
+    pub(super) fn most_bytes(&self) -> u64 {
         let limits = self.device.limits();
-        let most = limits.max_buffer_size.min(limits.max_storage_buffer_binding_size);
+        limits.max_buffer_size.min(limits.max_storage_buffer_binding_size)
+    }
+
+    fn allocate(&self, label: &str, bytes: u64, usage: wgpu::BufferUsages) -> Result<wgpu::Buffer> {
+        let most = self.most_bytes();
         if bytes > most {
             return Err(Error::ResourceExhausted {
                 what: format!("{label} on {}", self.info.name),

@@ -111,7 +111,7 @@ impl GpuBackend {
             sdf,
             occupancy,
             rows_used: 0,
-            most_rows: (u64::from(memory_mib) << 20) / Rows::ROW_BYTES,
+            most_rows: Rows::most(&gpu, u64::from(memory_mib) << 20),
             under_way: None,
             more: false,
             submissions: 0,

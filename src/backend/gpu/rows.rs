@@ -34,6 +34,11 @@ impl Rows {
     /// What a row takes, bytes, its prior and its anchor included.
     pub(super) const ROW_BYTES: u64 = 4 * COLUMNS_BYTES + 8 + 3 * 4 + 16 + 8;
 
+    /// Rows that a budget has room for, and the largest pool of them in one binding.
+    pub(super) fn most(gpu: &Gpu, budget_bytes: u64) -> u64 {
+        (budget_bytes / Self::ROW_BYTES).min((gpu.most_bytes() / COLUMNS_BYTES).saturating_sub(1))
+    }
+
     pub(super) fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self {
             learned: Pool::new(gpu, "learned rows", COLUMNS_BYTES)?,

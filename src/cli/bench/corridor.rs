@@ -8,12 +8,12 @@ use clap::Args;
 use super::clock::{Clock, Elapsed};
 use super::figure::{Figure, Target, Unit, median};
 use super::printer::Printer;
-use crate::config::{MapConfig, MapSettings};
+use crate::config::{BackendChoice, MapConfig, MapSettings};
 use crate::dataset::Dataset;
 use crate::dataset::synthetic::Synthetic;
 use crate::error::{Error, Result};
 use crate::frame::Frame;
-use crate::map::Mapper;
+use crate::map::{Mapper, Trainer};
 
 /// Frame time in a growing corridor, the map small and 100 times larger
 #[derive(Debug, Args)]
@@ -27,6 +27,9 @@ pub(super) struct CorridorArgs {
     /// How often a small map is begun beside the large one, at each size
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=50))]
     rounds: u32,
+    /// What trains both maps
+    #[arg(long, value_enum, default_value = "cpu")]
+    backend: BackendChoice,
 }
 
 /// Between the frames of a round, m; the large map grows in longer steps.
@@ -77,7 +80,7 @@ impl Drive {
             + 2.0 * arguments.rounds as f32 * round_m;
         let corridor =
             Synthetic::corridor(length_m, STEP_M).with_width(arguments.width).with_range(RANGE_M);
-        let settings = MapSettings::default();
+        let settings = MapSettings { backend: arguments.backend, ..MapSettings::default() };
         let large = mapper(&settings)?;
         let mut drive = Self { corridor, settings, large, next_frame: 0, small_rows: 0 };
         // Bays differ: the middle one of the small maps that some of them give.
@@ -141,7 +144,9 @@ impl Drive {
 }
 
 fn mapper(settings: &MapSettings) -> Result<Mapper> {
-    Mapper::new(MapConfig::from_settings(settings)?)
+    let mut mapper = Mapper::new(MapConfig::from_settings(settings)?)?;
+    mapper.train_on(Trainer::of(settings.backend))?;
+    Ok(mapper)
 }
 
 /// What a frame took until its epoch was there.
@@ -153,7 +158,8 @@ struct Timing {
 fn time(mapper: &mut Mapper, frame: &Frame) -> Result<Timing> {
     let clock = Clock::start();
     mapper.integrate(frame)?;
-    mapper.publish();
+    // What the backend still does for the frame is part of its cost.
+    mapper.publish_all()?;
     Ok(Timing { whole: clock.elapsed(), stages_ms: mapper.stats().stages_ms })
 }
 

@@ -113,6 +113,9 @@ fn the_memory_budget_bounds_rows() {
     let granted = gpu.reserve(190_000).expect("room");
     assert!((190_000..=200_000).contains(&granted), "{granted}");
     assert!(gpu.reserve(199_999).expect("room") <= 200_000);
+    // So does what a kernel can bind at once.
+    let most = Rows::most(&gpu.gpu, u64::MAX);
+    assert!(most < gpu.gpu.most_bytes() / 112 && most > gpu.gpu.most_bytes() / 113, "{most}");
 }
 
 #[test]
