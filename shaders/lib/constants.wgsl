@@ -1,5 +1,5 @@
-// Numbers that host and shaders share; src/backend/gpu/layout.rs has the same, and a test compares
-// the two.
+// Numbers that host and shaders share; src/backend/gpu/tests/shaders.rs compares them with the
+// host's.
 
 // Numbers of a residual and of an occupancy feature.
 const SDF_FEATURES = 16u;

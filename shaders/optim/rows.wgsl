@@ -20,7 +20,7 @@
 // Sums that came near the end of their range.
 @group(0) @binding(9) var<storage, read_write> saturated: atomic<u32>;
 
-// Units of a column's gradient, and beyond what a sum counts as saturated: half of the range.
+// Beyond half of the range a sum counts as saturated: it may have wrapped.
 const SATURATION = 0x40000000;
 
 fn units_of(quad: u32) -> vec4f {

@@ -80,6 +80,8 @@ impl Mapper {
         self.introduce(&mut *backend)?;
         backend.import(state)?;
         self.backend = backend;
+        // They are the other backend's, and so is the time of its labels.
+        self.stats.passes.clear();
         Ok(())
     }
 

@@ -143,6 +143,7 @@ fn steps_are_those_of_the_twin() {
                 assert!(error <= 1e-4 * (expected.abs() + 1.0), "{name}: {found}, not {expected}");
             }
         }
+        assert_eq!(gpu.heard.saturated, 0, "no sum came near the end of its range");
         let (found, expected) = (gpu.export().expect("a state"), cpu.export().expect("a state"));
         // Adam divides a gradient by its own size: where it is a few units of fixed point, rounding
         // shows in the step. Such columns are few, and no step exceeds its rate.
