@@ -3,10 +3,12 @@
 //! Lattice coordinates are signed integers in units of the finest configured size, with the
 //! origin at world zero. Corner and octant order is little-endian: bit 0 = x, bit 1 = y, bit 2 = z.
 
+mod band;
 mod key;
 mod lookup;
 mod topology;
 
+pub use band::{Band, BandPlace, BandScale, NO_BLOCK, NO_VERTEX, Uppers};
 pub use key::{Cell, LIMIT, cell_of, pack};
 pub use lookup::{ChildLink, Found, Located, Lookup, NodeSource, Root, locate};
 pub use topology::{NO_NODE, NO_ROW, Topology, TopologyState};
