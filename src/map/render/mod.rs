@@ -7,7 +7,6 @@
 //! room.
 
 mod camera;
-mod density;
 mod patch;
 mod ray;
 #[cfg(test)]
