@@ -78,6 +78,8 @@ pub struct MapSettings {
     pub frame_budget_ms: f32,
     /// Bound of the map's memory, MiB. At the bound new voxels are refused and counted.
     pub memory_mib: u32,
+    /// Distance between vertices of colour, m; r0_m divided by the nearest of 1, 2, 4 and 8.
+    pub color_spacing_m: f32,
 }
 
 impl Default for MapSettings {
@@ -93,6 +95,7 @@ impl Default for MapSettings {
             seed: 0,
             frame_budget_ms: 25.0,
             memory_mib: 4096,
+            color_spacing_m: 0.025,
         }
     }
 }
@@ -138,10 +141,47 @@ pub struct MapConfig {
     pub key_frame_iou: f32,
     pub key_frame_pixels: u32,
     pub key_frame_mib: u32,
+
+    /// Stored apart: maps from before there were colours have none.
+    #[serde(skip)]
+    pub radiance: RadianceConfig,
+}
+
+/// Checked settings of radiance.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RadianceConfig {
+    /// log2 of the vertices of colour along an edge of a level-0 voxel.
+    pub log2_side: u8,
+    /// Every n-th pixel in u and v leaves its colour.
+    pub stride: u32,
+}
+
+impl RadianceConfig {
+    fn new(settings: &MapSettings) -> Result<Self> {
+        if !(0.001..=1.0).contains(&settings.color_spacing_m) {
+            return Err(Error::invalid(
+                "color_spacing_m",
+                format!("{} must lie within 0.001..=1 m", settings.color_spacing_m),
+            ));
+        }
+        let full = settings.profile == Profile::Full;
+        Ok(Self {
+            log2_side: (settings.r0_m / settings.color_spacing_m).log2().round().clamp(0.0, 3.0)
+                as u8,
+            stride: if full { 2 } else { 4 },
+        })
+    }
+}
+
+impl Default for RadianceConfig {
+    /// That of a map without settings of its own for radiance.
+    fn default() -> Self {
+        Self { log2_side: 2, stride: 4 }
+    }
 }
 
 /// The modalities that exist, in column order.
-pub const MODALITIES: [&str; 2] = ["sdf", "occupancy"];
+pub const MODALITIES: [&str; 3] = ["sdf", "occupancy", "radiance"];
 
 impl MapConfig {
     /// Checks settings and fills in what the profile says.
@@ -188,7 +228,16 @@ impl MapConfig {
             key_frame_iou: 0.85,
             key_frame_pixels: 16_384,
             key_frame_mib: (settings.memory_mib / 4).min(256),
+            radiance: RadianceConfig::new(settings)?,
         })
+    }
+
+    /// Checks what a damaged or forged file could say and code relies on.
+    pub fn checked(self) -> Result<Self> {
+        if self.radiance.log2_side > 3 || self.radiance.stride == 0 {
+            return Err(Error::corrupt("settings", "of radiance lie outside of their limits"));
+        }
+        Ok(self)
     }
 
     /// Whether a modality is part of this map.

@@ -61,12 +61,27 @@ impl DepthImage {
     }
 }
 
-/// 8-bit sRGB, row-major, three bytes a pixel.
+/// 8-bit sRGB, row-major, three bytes a pixel; the same view as the depth image, of the same size or
+/// another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColorImage {
     pub width: u32,
     pub height: u32,
     pub rgb: Vec<u8>,
+}
+
+impl ColorImage {
+    /// The colour, sRGB within 0..1, that belongs to a pixel of a depth image of `width` × `height`
+    /// pixels with the same view.
+    #[inline]
+    pub fn beside(&self, u: u32, v: u32, width: u32, height: u32) -> Vec3 {
+        // The pixel around the same share of the view; a product of two sides fits.
+        let scaled = |at: u32, own: u32, other: u32| (2 * at + 1) * own / (2 * other);
+        let (u, v) = (scaled(u, self.width, width), scaled(v, self.height, height));
+        let at = 3 * (v as usize * self.width as usize + u as usize);
+        Vec3::new(self.rgb[at].into(), self.rgb[at + 1].into(), self.rgb[at + 2].into())
+            * (1.0 / 255.0)
+    }
 }
 
 /// One posed RGB-D observation.

@@ -178,8 +178,9 @@ pub(super) fn integrate(
 ) -> Result<Tally> {
     let mut tally = Tally::new(dataset.skipped());
     let noise = noise.map(|noise| (noise, mapper.config().seed));
+    let with_color = mapper.config().has("radiance");
     std::thread::scope(|scope| {
-        for decoded in ahead::decode(scope, dataset, indices, noise)? {
+        for decoded in ahead::decode(scope, dataset, indices, with_color, noise)? {
             if interrupted.load(Ordering::Relaxed) {
                 break;
             }

@@ -236,6 +236,7 @@ mod tests {
             gradient: points.iter().map(|p| Vec3::new(number(p, 1.0), 0.0, 0.0)).collect(),
             occupancy: points.iter().map(|p| number(p, 0.25)).collect(),
             state: points.iter().map(|p| u8::from(known(p))).collect(),
+            ..PointAnswers::default()
         })
     }
 

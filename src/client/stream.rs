@@ -148,7 +148,7 @@ pub fn load_ahead(
         .spawn(move || {
             let prepare = |_, frame: &mut Frame| prepare(frame);
             let deliver = |next: Loaded| loaded.blocking_send(next.frame).is_ok();
-            load_each(dataset.as_ref(), indices, prepare, deliver);
+            load_each(dataset.as_ref(), indices, true, prepare, deliver);
         })
         .map_err(|e| Error::Internal(format!("the loading thread did not start: {e}")))?;
     Ok(frames)

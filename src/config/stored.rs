@@ -35,6 +35,7 @@ impl MapConfig {
             seed: self.seed,
             frame_budget_ms: self.frame_budget_ms,
             memory_mib: self.memory_mib,
+            color_spacing_m: self.r0_m / (1u32 << self.radiance.log2_side) as f32,
         }
     }
 
@@ -57,11 +58,13 @@ impl MapConfig {
 
     /// What a stored map keeps in [`MapConfig::resumed`] although `current` says otherwise.
     pub fn kept(&self, current: &Self) -> Vec<Kept> {
+        let spacing = |config: &Self| config.settings().color_spacing_m;
         [
             kept("profile", self.profile, current.profile),
             kept("prior", self.prior, current.prior),
             kept("modalities", self.modalities.join(","), current.modalities.join(",")),
             kept("r0_m", self.r0_m, current.r0_m),
+            kept("color_spacing_m", spacing(self), spacing(current)),
             kept("seed", self.seed, current.seed),
         ]
         .into_iter()

@@ -17,13 +17,13 @@ pub struct Loaded {
 pub fn load_each(
     dataset: &dyn Dataset,
     indices: impl IntoIterator<Item = usize>,
+    with_color: bool,
     mut prepare: impl FnMut(usize, &mut Frame),
     mut deliver: impl FnMut(Loaded) -> bool,
 ) {
     for index in indices {
         let start = Instant::now();
-        // No modality that exists reads colour.
-        let mut frame = dataset.load(index, false);
+        let mut frame = dataset.load(index, with_color);
         if let Ok(frame) = &mut frame {
             prepare(index, frame);
         }

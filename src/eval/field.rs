@@ -108,6 +108,7 @@ mod tests {
             gradient: truth().gradients,
             occupancy: vec![0.1, 0.9, 0.1, 0.0, 0.0],
             state: vec![1, 2, 1, 1, 1],
+            ..PointAnswers::default()
         }
     }
 

@@ -55,6 +55,17 @@ impl Frame {
 
     fn check_color(&self) -> Result<()> {
         let Some(color) = &self.color else { return Ok(()) };
+        let sides = 1..=MAX_SIDE;
+        if !sides.contains(&color.width) || !sides.contains(&color.height) {
+            return Err(Error::frame(
+                Fault::SizeMismatch,
+                "color",
+                format!(
+                    "{}x{} pixels; each side must lie within 1..={MAX_SIDE}",
+                    color.width, color.height
+                ),
+            ));
+        }
         if color.rgb.len() != color.width as usize * color.height as usize * 3 {
             return Err(Error::frame(
                 Fault::SizeMismatch,

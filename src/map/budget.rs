@@ -3,7 +3,7 @@
 //! A map takes, in bytes,
 //!
 //! ```text
-//! rows · ROW + node slots · NODE + surfels · SURFEL + bricks · BRICK + key frames
+//! rows · ROW + node slots · NODE + surfels · SURFEL + bricks · BRICK + blocks · BLOCK + key frames
 //! ```
 //!
 //! and stays below `memory_mib`. Every column counts: the host's, the backend's and the published
@@ -12,7 +12,7 @@
 use crate::backend;
 use crate::config::MapConfig;
 use crate::octree::{Explicit, Topology};
-use crate::surface::{Evidence, PriorField, SurfelMap};
+use crate::surface::{ColorField, Evidence, PriorField, SurfelMap};
 
 use super::view::Store;
 
@@ -27,6 +27,13 @@ const NODE: usize = DOUBLING * Topology::NODE_BYTES + Store::NODE_BYTES;
 const SURFEL: usize = DOUBLING * SurfelMap::SURFEL_BYTES;
 const BRICK: usize = DOUBLING * Evidence::BRICK_BYTES + Store::BRICK_BYTES;
 
+/// A block of colour: averages, what is learned on top, and the pages. One that no map without
+/// radiance has costs nothing.
+fn block(config: &MapConfig) -> usize {
+    let Some(scale) = ColorField::scale(config) else { return 1 };
+    DOUBLING * ColorField::block_bytes(scale) + Store::block_bytes(scale)
+}
+
 /// How many there are, or how many more there may be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Sizes {
@@ -34,24 +41,31 @@ pub(super) struct Sizes {
     pub(super) nodes: usize,
     pub(super) surfels: usize,
     pub(super) bricks: usize,
+    /// Of colour.
+    pub(super) blocks: usize,
 }
 
 impl Sizes {
     /// Bytes of a map of this size, without its key frames.
-    pub(super) fn bytes(&self) -> usize {
-        self.rows * ROW + self.nodes * NODE + self.surfels * SURFEL + self.bricks * BRICK
+    pub(super) fn bytes(&self, config: &MapConfig) -> usize {
+        self.rows * ROW
+            + self.nodes * NODE
+            + self.surfels * SURFEL
+            + self.bricks * BRICK
+            + self.blocks * block(config)
     }
 
     /// How much one more frame may add to a map of this size. The shares of what is left sum to
     /// one, so that no frame can pass the bound, whatever it holds.
     pub(super) fn room(&self, config: &MapConfig) -> Self {
         let mib = config.memory_mib.saturating_sub(config.key_frame_mib);
-        let left = ((mib as usize) << 20).saturating_sub(self.bytes());
+        let left = ((mib as usize) << 20).saturating_sub(self.bytes(config));
         Self {
-            rows: left / 8 * 3 / ROW,
-            nodes: left / 4 / NODE,
-            surfels: left / 4 / SURFEL,
-            bricks: left / 8 / BRICK,
+            rows: left / 16 * 5 / ROW,
+            nodes: left / 16 * 3 / NODE,
+            surfels: left / 16 * 3 / SURFEL,
+            bricks: left / 16 * 2 / BRICK,
+            blocks: left / 16 * 3 / block(config),
         }
     }
 }
@@ -66,15 +80,16 @@ mod tests {
         let settings = MapSettings { memory_mib: 64, ..MapSettings::default() };
         let config = MapConfig::from_settings(&settings).expect("valid");
         assert_eq!(config.key_frame_mib, 16);
-        let mut held = Sizes { rows: 0, nodes: 0, surfels: 0, bricks: 0 };
+        let mut held = Sizes { rows: 0, nodes: 0, surfels: 0, bricks: 0, blocks: 0 };
         for _ in 0..200 {
             let room = held.room(&config);
             held.rows += room.rows;
             held.nodes += room.nodes;
             held.surfels += room.surfels;
             held.bricks += room.bricks;
-            assert!(held.bytes() <= 48 << 20);
+            held.blocks += room.blocks;
+            assert!(held.bytes(&config) <= 48 << 20);
         }
-        assert!(held.bytes() > 47 << 20, "the budget can be used: {}", held.bytes());
+        assert!(held.bytes(&config) > 47 << 20, "the budget can be used: {}", held.bytes(&config));
     }
 }

@@ -55,11 +55,7 @@ impl Mapper {
         trainers: Arc<ThreadPool>,
     ) -> Result<Self> {
         let lattice = Lattice::new(&config);
-        let store = Store {
-            unit_m: lattice.unit_m,
-            cell_m: lattice.size_m(lattice.cell),
-            ..Store::default()
-        };
+        let store = Store::new(&config);
         Ok(Self {
             topology: Topology::new(lattice.unit_m, lattice.brick),
             surface: Surface::new(&config),
@@ -81,6 +77,7 @@ impl Mapper {
             changed_rows: Vec::new(),
             changed_bricks: Vec::new(),
             changed_nodes: Vec::new(),
+            changed_colors: Vec::new(),
         })
     }
 }

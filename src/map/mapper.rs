@@ -91,6 +91,8 @@ pub struct Mapper {
     pub(super) changed_rows: Vec<u32>,
     pub(super) changed_bricks: Vec<u32>,
     pub(super) changed_nodes: Vec<u32>,
+    /// Blocks of colour that changed since the last publication; may hold repeats.
+    pub(super) changed_colors: Vec<u32>,
     /// Idle steps since the last frame.
     pub(super) idle_steps: u32,
     /// Whether the map has changed since its newest epoch.
@@ -136,6 +138,7 @@ impl Mapper {
         self.changed_rows.extend(rows..self.topology.rows() as u32);
         self.changed_rows.extend(change.prior.rows);
         self.changed_bricks.extend(change.changed_bricks);
+        self.changed_colors.extend(change.colors);
         if self.config.prior == Prior::Learned {
             self.no_prior.resize(self.topology.rows(), [0.0; 4]);
         }
@@ -163,12 +166,16 @@ impl Mapper {
             nodes: self.topology.node_slots(),
             surfels: self.surface.surfels.slots(),
             bricks: self.surface.evidence.bricks(),
+            blocks: self.surface.color.as_ref().map_or(0, |color| color.band.blocks()),
         };
         let room = sizes.room(&self.config);
         let rows = (sizes.rows + room.rows).min(self.backend.reserve(sizes.rows)?);
         self.topology.limit(rows, sizes.nodes + room.nodes);
         self.surface.surfels.limit(sizes.surfels + room.surfels);
         self.surface.evidence.limit(sizes.bricks + room.bricks);
+        if let Some(color) = &mut self.surface.color {
+            color.band.limit(sizes.blocks + room.blocks);
+        }
         Ok(())
     }
 

@@ -8,6 +8,7 @@ mod pages;
 mod parallel;
 mod publish;
 mod query;
+mod render;
 mod robots;
 mod slice;
 mod state;
@@ -18,6 +19,9 @@ pub use mapper::{FrameOutcome, MapStats, Mapper};
 pub use mesh::{TriangleMesh, default_resolution_m, extract_mesh};
 pub use parallel::{CHUNK_POINTS, PointQuery, query_parallel, query_pool};
 pub use query::{Fields, PointAnswers, State};
+pub use render::{
+    Camera, Channels, MAX_SIDE, RenderSettings, Renderer, Rendering, SamplePosition, render,
+};
 pub use robots::Robots;
 pub use slice::{Plane, Slice, draw_slice, slice};
 pub use state::{MapperState, Progress, ViewRecord, ViewState};

@@ -3,18 +3,23 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use glam::Vec3;
+
 use super::mapper::Mapper;
 use super::view::{BRICKS, MapView, NODES, Node, ROWS};
 use crate::config::Prior;
 use crate::geometry::Aabb;
+use crate::modality::radiance::{self, Texel};
 use crate::modality::{Features, Row};
-use crate::octree::{Explicit, NO_NODE, NO_ROW, NodeSource};
+use crate::octree::{Explicit, NO_BLOCK, NO_NODE, NO_ROW, NodeSource};
+use crate::surface::Lattice;
 
 impl Mapper {
     /// Publishes everything so far as an immutable view, of a new epoch if anything has changed.
     pub fn publish(&mut self) -> Arc<MapView> {
         let start = Instant::now();
         self.stats.epoch += u64::from(std::mem::take(&mut self.changed));
+        self.find_painted();
         self.write_nodes();
         self.write_rows();
         self.store.bricks.grow(self.surface.evidence.bricks().div_ceil(BRICKS));
@@ -22,6 +27,7 @@ impl Mapper {
             let page = self.store.bricks.write(brick as usize / BRICKS);
             page.known[brick as usize % BRICKS] = *self.surface.evidence.known(brick);
         }
+        self.write_colors();
         self.stage("publish", start);
         self.schedule.learn_publish(start.elapsed());
         Arc::new(MapView {
@@ -57,6 +63,31 @@ impl Mapper {
         }
     }
 
+    /// Adds the nodes of blocks of colour that are new to the changed ones.
+    fn find_painted(&mut self) {
+        let Some(color) = &self.surface.color else { return };
+        let r0 = Lattice::new(&self.config).r0;
+        for cell in &color.band.cells()[self.store.color_blocks..] {
+            let nodes = &mut self.changed_nodes;
+            self.topology.visit_nodes(cell.map(|c| c << r0), r0, &mut |node| nodes.push(node));
+        }
+    }
+
+    fn write_colors(&mut self) {
+        let Some(color) = &self.surface.color else { return };
+        let mut changed = std::mem::take(&mut self.changed_colors);
+        changed.sort_unstable();
+        changed.dedup();
+        self.store.write_colors(&color.band, changed, |block, texels| {
+            let rows = block as usize * texels.len();
+            for (texel, seen) in texels.iter_mut().zip(&color.seen()[rows..]) {
+                if seen.weight > 0.0 {
+                    *texel = Texel::new(radiance::logits(Vec3::from(seen.mean)));
+                }
+            }
+        });
+    }
+
     fn write_nodes(&mut self) {
         let mut nodes = std::mem::take(&mut self.changed_nodes);
         nodes.sort_unstable();
@@ -64,6 +95,7 @@ impl Mapper {
         self.store.root = self.topology.root();
         self.store.node_slots = self.topology.node_slots();
         self.store.nodes.grow(self.topology.node_slots().div_ceil(NODES));
+        let r0 = Lattice::new(&self.config).r0;
         let mut bounds = self.store.bounds.unwrap_or(Aabb::EMPTY);
         for node in nodes {
             let page = self.store.nodes.write(node as usize / NODES);
@@ -73,11 +105,15 @@ impl Mapper {
             let brick = self.surface.evidence.find(low + 0.5 * self.topology.size_m(node));
             let corners = *self.topology.corners(node);
             let carries = corners[0] != NO_ROW;
+            let (cell, log2_size) = (self.topology.low_corner(node), self.topology.log2_size(node));
+            let color = self.surface.color.as_ref().filter(|_| carries && log2_size <= r0);
+            let block = color.and_then(|color| color.band.find(cell.map(|c| c >> r0)));
             page.nodes[i] = Node {
                 corners,
                 brick: brick.filter(|_| carries).map_or(NO_NODE, |b| b.brick),
-                low: self.topology.low_corner(node),
-                log2_size: self.topology.log2_size(node),
+                block: block.unwrap_or(NO_BLOCK),
+                low: cell,
+                log2_size,
             };
             if carries {
                 bounds.extend(low);

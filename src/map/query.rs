@@ -19,12 +19,15 @@ pub struct Fields {
     pub gradient: bool,
     pub occupancy: bool,
     pub state: bool,
+    pub color: bool,
 }
 
 impl Fields {
-    pub const ALL: Self = Self { distance: true, gradient: true, occupancy: true, state: true };
-    pub const DISTANCE: Self =
-        Self { distance: true, gradient: false, occupancy: false, state: false };
+    pub const ALL: Self =
+        Self { distance: true, gradient: true, occupancy: true, state: true, color: true };
+    pub const NONE: Self =
+        Self { distance: false, gradient: false, occupancy: false, state: false, color: false };
+    pub const DISTANCE: Self = Self { distance: true, ..Self::NONE };
 }
 
 /// What is known about a point.
@@ -39,7 +42,8 @@ pub enum State {
 /// Answers column by column; a column that was not asked for, or that the map does not have, is
 /// empty.
 ///
-/// Where the state is [`State::Unknown`] the numbers are NaN.
+/// Where the state is [`State::Unknown`] the numbers are NaN; so is the colour where no surface was
+/// seen close by.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PointAnswers {
     /// Signed distance, m, positive outside.
@@ -50,6 +54,8 @@ pub struct PointAnswers {
     pub occupancy: Vec<f32>,
     /// One [`State`] a point, as its byte.
     pub state: Vec<u8>,
+    /// sRGB within 0..1.
+    pub color: Vec<Vec3>,
 }
 
 impl PointAnswers {
@@ -63,6 +69,7 @@ impl PointAnswers {
             gradient: column(&parts, |p| &p.gradient),
             occupancy: column(&parts, |p| &p.occupancy),
             state: column(&parts, |p| &p.state),
+            color: column(&parts, |p| &p.color),
         }
     }
 }
@@ -72,8 +79,11 @@ impl MapView {
     /// finite are unknown.
     pub fn query(&self, points: &[Vec3], fields: Fields) -> PointAnswers {
         let n = points.len();
-        let fields =
-            Fields { occupancy: fields.occupancy && self.config.has("occupancy"), ..fields };
+        let fields = Fields {
+            occupancy: fields.occupancy && self.config.has("occupancy"),
+            color: fields.color && self.config.has("radiance"),
+            ..fields
+        };
         let wanted = |on: bool| if on { n } else { 0 };
         // What is known depends on the distance and on the voxel.
         let mut distance = vec![f32::NAN; n];
@@ -81,6 +91,7 @@ impl MapView {
         let mut gradient = vec![Vec3::NAN; wanted(fields.gradient)];
         let mut occupancy = vec![f32::NAN; wanted(fields.occupancy)];
         let mut state = vec![State::Unknown as u8; wanted(fields.state)];
+        let mut color = vec![Vec3::NAN; wanted(fields.color)];
         let answers = Answers {
             distance: &mut distance,
             gradient: &mut gradient,
@@ -104,6 +115,9 @@ impl MapView {
                 if fields.state {
                     state[i] = if d < 0.0 { State::Occupied } else { State::Free } as u8;
                 }
+                if fields.color {
+                    color[i] = self.store.color(voxel.node, points[i]).unwrap_or(Vec3::NAN);
+                }
                 continue;
             }
             distance[i] = f32::NAN;
@@ -115,7 +129,7 @@ impl MapView {
             }
         }
         distance.truncate(wanted(fields.distance));
-        PointAnswers { distance, gradient, occupancy, state }
+        PointAnswers { distance, gradient, occupancy, state, color }
     }
 
     /// log2 of the largest voxels whose small distances count as known: those that surfaces ask

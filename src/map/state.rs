@@ -11,8 +11,9 @@ use crate::backend::{Backend, BackendState, CpuBackend};
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
+use crate::modality::radiance::Texel;
 use crate::modality::{Decoders, Row, occupancy, sdf};
-use crate::octree::{Cell, ChildLink, NO_NODE, NO_ROW, Root, TopologyState};
+use crate::octree::{Band, Cell, ChildLink, NO_BLOCK, NO_NODE, NO_ROW, Root, TopologyState};
 use crate::surface::{Known, Lattice, SurfaceState};
 use crate::train::KeyFramesState;
 
@@ -78,6 +79,8 @@ impl Mapper {
         mapper.introduce(&mut backend)?;
         backend.import(state.backend)?;
         mapper.backend = Box::new(backend);
+        let blocks = mapper.surface.color.as_ref().map_or(0, |color| color.band.blocks());
+        mapper.changed_colors = (0..blocks as u32).collect();
         mapper.changed_bricks = (0..mapper.surface.evidence.bricks() as u32).collect();
         Ok(mapper)
     }
@@ -105,6 +108,9 @@ pub struct ViewState {
     pub node_bricks: Vec<u32>,
     pub rows: Vec<Row>,
     pub known: Vec<Known>,
+    /// The cells of the blocks of colour, which say which nodes they belong to.
+    pub color_cells: Vec<Cell>,
+    pub texels: Vec<Texel>,
 }
 
 impl MapView {
@@ -127,6 +133,8 @@ impl MapView {
             node_bricks: Vec::new(),
             rows: Vec::new(),
             known: Vec::new(),
+            color_cells: Vec::new(),
+            texels: Vec::new(),
         };
         for page in store.nodes.pages() {
             state.children.extend(page.children);
@@ -139,6 +147,12 @@ impl MapView {
             state.rows.extend(page.rows);
         }
         state.known.extend(store.bricks.pages().flat_map(|page| page.known));
+        for page in store.colors.pages() {
+            state.color_cells.extend(page.cells);
+            state.texels.extend_from_slice(&page.texels);
+        }
+        state.color_cells.truncate(store.color_blocks);
+        state.texels.truncate(store.color_blocks * store.band.vertices());
         state
     }
 
@@ -149,21 +163,30 @@ impl MapView {
         let record = state.record;
         let mut store = Store {
             root: record.root,
-            unit_m: lattice.unit_m,
-            cell_m: lattice.size_m(lattice.cell),
             bounds: record.bounds,
             node_slots: state.children.len(),
-            ..Store::default()
+            ..Store::new(&config)
         };
+        let band = Band::with_cells(store.band, &state.color_cells)
+            .filter(|band| band.rows() == state.texels.len())
+            .ok_or_else(|| Error::corrupt("view", "blocks of colour do not fit together"))?;
+        store.write_colors(&band, 0..band.blocks() as u32, |block, texels| {
+            let rows = block as usize * texels.len();
+            texels.copy_from_slice(&state.texels[rows..rows + texels.len()]);
+        });
         store.nodes.grow(state.children.len().div_ceil(NODES));
         for node in 0..state.children.len() {
             let (page, i) = (store.nodes.write(node / NODES), node % NODES);
             page.children[i] = state.children[node];
+            let (cell, log2_size) = (state.low_corners[node], state.log2_sizes[node]);
+            let painted = log2_size <= lattice.r0 && state.corners[node][0] != NO_ROW;
+            let block = painted.then(|| band.find(cell.map(|c| c >> lattice.r0))).flatten();
             page.nodes[i] = Node {
                 corners: state.corners[node],
                 brick: state.node_bricks[node],
-                low: state.low_corners[node],
-                log2_size: state.log2_sizes[node],
+                block: block.unwrap_or(NO_BLOCK),
+                low: cell,
+                log2_size,
             };
         }
         store.rows.grow(state.rows.len().div_ceil(ROWS));

@@ -7,13 +7,18 @@ use glam::Vec3;
 use super::pages::PageTable;
 use crate::config::MapConfig;
 use crate::geometry::{Aabb, floor};
+use crate::modality::radiance::{self, Texel, TexelSource};
 use crate::modality::{Decoders, Row, RowSource};
-use crate::octree::{ChildLink, NO_NODE, NO_ROW, NodeSource, Root};
-use crate::surface::{BRICK_CELLS, Known};
+use crate::octree::{
+    Band, BandScale, Cell, ChildLink, NO_BLOCK, NO_NODE, NO_ROW, NodeSource, Root, Uppers,
+};
+use crate::surface::{BRICK_CELLS, ColorField, Known, Lattice};
 
 pub(super) const NODES: usize = 256;
 pub(super) const ROWS: usize = 128;
 pub(super) const BRICKS: usize = 64;
+/// Blocks of colour of a page.
+pub(super) const BLOCKS: usize = 8;
 
 /// Nodes of a page. Links are apart from the rest, because a descent reads those of eight siblings
 /// and the rest of one node alone.
@@ -30,6 +35,9 @@ pub(super) struct Node {
     pub corners: [u32; 8],
     /// The evidence brick that holds the node's cells; [`NO_NODE`] where nothing was observed.
     pub brick: u32,
+    /// The block of colour of the level-0 voxel that the node is or lies in; [`NO_BLOCK`] where no
+    /// surface was seen.
+    pub block: u32,
     /// Low corner, lattice units.
     pub low: [i32; 3],
     /// `u8::MAX` for a hole.
@@ -38,7 +46,13 @@ pub(super) struct Node {
 
 impl Default for NodePage {
     fn default() -> Self {
-        let hole = Node { corners: [NO_ROW; 8], brick: NO_NODE, low: [0; 3], log2_size: u8::MAX };
+        let hole = Node {
+            corners: [NO_ROW; 8],
+            brick: NO_NODE,
+            block: NO_BLOCK,
+            low: [0; 3],
+            log2_size: u8::MAX,
+        };
         Self { children: [0; NODES], nodes: [hole; NODES] }
     }
 }
@@ -67,8 +81,23 @@ impl Default for BrickPage {
     }
 }
 
+/// Blocks of colour of a page.
+#[derive(Clone)]
+pub(super) struct ColorPage {
+    pub cells: [Cell; BLOCKS],
+    pub uppers: [Uppers; BLOCKS],
+    /// The vertices of block after block; empty until the page is written.
+    pub texels: Vec<Texel>,
+}
+
+impl Default for ColorPage {
+    fn default() -> Self {
+        Self { cells: [[0; 3]; BLOCKS], uppers: [[NO_BLOCK; 8]; BLOCKS], texels: Vec::new() }
+    }
+}
+
 /// The shared part of a map: what the mapper writes and a view reads.
-#[derive(Clone, Default)]
+#[derive(Clone)]
 pub(super) struct Store {
     pub root: Option<Root>,
     pub unit_m: f32,
@@ -78,6 +107,10 @@ pub(super) struct Store {
     pub nodes: PageTable<NodePage>,
     pub rows: PageTable<RowPage>,
     pub bricks: PageTable<BrickPage>,
+    /// How the band of colour divides level-0 voxels.
+    pub band: BandScale,
+    pub color_blocks: usize,
+    pub colors: PageTable<ColorPage>,
 }
 
 impl NodeSource for Store {
@@ -107,7 +140,75 @@ impl RowSource for Store {
     }
 }
 
+impl TexelSource for Store {
+    fn band(&self) -> BandScale {
+        self.band
+    }
+
+    #[inline]
+    fn uppers(&self, block: u32) -> &Uppers {
+        &self.colors.page(block as usize / BLOCKS).uppers[block as usize % BLOCKS]
+    }
+
+    #[inline]
+    fn texel(&self, row: u32) -> Texel {
+        let page = BLOCKS << (3 * self.band.log2_side);
+        self.colors.page(row as usize / page).texels[row as usize % page]
+    }
+}
+
 impl Store {
+    /// Nothing mapped yet.
+    pub(super) fn new(config: &MapConfig) -> Self {
+        let lattice = Lattice::new(config);
+        Self {
+            root: None,
+            unit_m: lattice.unit_m,
+            cell_m: lattice.size_m(lattice.cell),
+            bounds: None,
+            node_slots: 0,
+            nodes: PageTable::default(),
+            rows: PageTable::default(),
+            bricks: PageTable::default(),
+            band: ColorField::scale(config)
+                .unwrap_or(BandScale { cell_m: config.r0_m, log2_side: 0 }),
+            color_blocks: 0,
+            colors: PageTable::default(),
+        }
+    }
+
+    /// What a block of colour takes in pages, bytes.
+    pub(super) fn block_bytes(band: BandScale) -> usize {
+        size_of::<Cell>() + size_of::<Uppers>() + band.vertices() * size_of::<Texel>()
+    }
+
+    /// Writes blocks of colour; `fill` sets the vertices of one.
+    pub(super) fn write_colors(
+        &mut self,
+        band: &Band,
+        blocks: impl IntoIterator<Item = u32>,
+        mut fill: impl FnMut(u32, &mut [Texel]),
+    ) {
+        let vertices = band.scale.vertices();
+        self.color_blocks = band.blocks();
+        self.colors.grow(self.color_blocks.div_ceil(BLOCKS));
+        for block in blocks {
+            let page = self.colors.write(block as usize / BLOCKS);
+            page.texels.resize(BLOCKS * vertices, Texel::default());
+            let slot = block as usize % BLOCKS;
+            page.cells[slot] = band.cells()[block as usize];
+            page.uppers[slot] = *band.uppers(block);
+            fill(block, &mut page.texels[slot * vertices..][..vertices]);
+        }
+    }
+
+    /// The colour at a point of a node.
+    #[inline]
+    pub(super) fn color(&self, node: u32, point: Vec3) -> Option<Vec3> {
+        let block = self.node(node).block;
+        if block == NO_BLOCK { None } else { radiance::color(self, block, point) }
+    }
+
     /// What a row, a node slot and a brick take in pages, bytes.
     pub(super) const ROW_BYTES: usize = size_of::<RowPage>() / ROWS;
     pub(super) const NODE_BYTES: usize = size_of::<NodePage>() / NODES;
@@ -117,11 +218,12 @@ impl Store {
     pub(super) fn bytes(&self) -> u64 {
         (self.rows.len() * size_of::<RowPage>()
             + self.nodes.len() * size_of::<NodePage>()
-            + self.bricks.len() * size_of::<BrickPage>()) as u64
+            + self.bricks.len() * size_of::<BrickPage>()
+            + self.color_blocks * Self::block_bytes(self.band)) as u64
     }
 
     #[inline]
-    fn node(&self, node: u32) -> &Node {
+    pub(super) fn node(&self, node: u32) -> &Node {
         &self.nodes.page(node as usize / NODES).nodes[node as usize % NODES]
     }
 

@@ -10,6 +10,7 @@ pub mod decoder;
 pub mod interpolation;
 pub mod losses;
 pub mod occupancy;
+pub mod radiance;
 pub mod read;
 pub mod sdf;
 #[cfg(test)]

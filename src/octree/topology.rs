@@ -193,6 +193,17 @@ impl Topology {
     /// Visits the corner rows of all voxels within the voxel of 2^`log2` units that contains
     /// `cell`, if it exists; rows of shared corners more than once.
     pub fn visit_rows(&self, cell: Cell, log2: u8, visit: &mut impl FnMut(u32)) {
+        self.visit_nodes(cell, log2, &mut |node| {
+            self.corners[node as usize]
+                .iter()
+                .filter(|row| **row != NO_ROW)
+                .for_each(|r| visit(*r));
+        });
+    }
+
+    /// Visits all voxels within the voxel of 2^`log2` units that contains `cell`, and that one, if
+    /// it exists.
+    pub fn visit_nodes(&self, cell: Cell, log2: u8, visit: &mut impl FnMut(u32)) {
         let Some(root) = self.root else { return };
         let offset: [u32; 3] = std::array::from_fn(|a| cell[a].wrapping_sub(root.min[a]) as u32);
         if offset.iter().any(|&o| u64::from(o) >> root.log2_size != 0) {
@@ -210,11 +221,7 @@ impl Topology {
     }
 
     fn visit_subtree(&self, node: u32, visit: &mut impl FnMut(u32)) {
-        for &row in &self.corners[node as usize] {
-            if row != NO_ROW {
-                visit(row);
-            }
-        }
+        visit(node);
         for octant in 0..8 {
             if let Some(child) = self.child(node, octant) {
                 self.visit_subtree(child, visit);

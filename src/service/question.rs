@@ -250,6 +250,7 @@ mod tests {
             gradient: vec![Vec3::X, Vec3::NAN],
             occupancy: vec![0.25, f32::NAN],
             state: vec![1, 0],
+            ..PointAnswers::default()
         };
         let filled = |policy, distance_m| {
             let mut answers = unfilled();

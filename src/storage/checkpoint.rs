@@ -13,7 +13,7 @@ use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::map::{MapView, Mapper, MapperState, Progress, Robots, ViewState};
 use crate::octree::{Root, TopologyState};
-use crate::surface::{EvidenceState, PriorState, SurfaceState, SurfelState};
+use crate::surface::{ColorState, EvidenceState, PriorState, SurfaceState, SurfelState};
 use crate::train::{FrameRecord, KeyFramesState};
 
 const KIND: Tag = Tag(*b"KIND");
@@ -56,10 +56,14 @@ const ROWS: Tag = Tag(*b"BROW");
 const ROW_MOMENTS: Tag = Tag(*b"BMOM");
 const ROW_STEPS: Tag = Tag(*b"BSTP");
 const DECODERS: Tag = Tag(*b"BDEC");
+const RADIANCE: Tag = Tag(*b"RCON");
+const COLOR_CELLS: Tag = Tag(*b"CCEL");
+const COLOR_SEEN: Tag = Tag(*b"CSEE");
+const VIEW_TEXELS: Tag = Tag(*b"VTEX");
 const VIEW: Tag = Tag(*b"VIEW");
 const VIEW_ROWS: Tag = Tag(*b"VROW");
 
-const ALL: [Tag; 41] = [
+const ALL: [Tag; 45] = [
     KIND,
     CONFIG,
     PROGRESS,
@@ -99,6 +103,10 @@ const ALL: [Tag; 41] = [
     ROW_MOMENTS,
     ROW_STEPS,
     DECODERS,
+    RADIANCE,
+    COLOR_CELLS,
+    COLOR_SEEN,
+    VIEW_TEXELS,
     VIEW,
     VIEW_ROWS,
 ];
@@ -151,7 +159,7 @@ pub fn load_with(
     let mut sections = Sections::read(path, &ALL)?;
     match sections.take_record(KIND)? {
         Kind::Checkpoint => {
-            let config = settle(sections.take_record(CONFIG)?)?;
+            let config = settle(take_config(&mut sections)?)?;
             take_mapper(config, &mut sections)
         }
         Kind::Compact => Err(Error::FailedPrecondition(format!(
@@ -166,7 +174,7 @@ pub fn load_view(path: &Path) -> Result<Arc<MapView>> {
     let mut sections = Sections::read(path, &ALL)?;
     match sections.take_record(KIND)? {
         Kind::Checkpoint => {
-            let config = sections.take_record(CONFIG)?;
+            let config = take_config(&mut sections)?;
             Ok(take_mapper(config, &mut sections)?.publish())
         }
         Kind::Compact => take_view(&mut sections).map(Arc::new),
@@ -183,7 +191,7 @@ fn save_checkpoint(mapper: &Mapper, path: &Path) -> Result<()> {
         state.backend.moments.iter().map(|m| [m.sdf_steps, m.occupancy_steps]).collect();
     let mut out = Sections::new();
     out.put_record(KIND, &Kind::Checkpoint)?;
-    out.put_record(CONFIG, mapper.config())?;
+    put_config(&mut out, mapper.config())?;
     out.put_record(PROGRESS, &state.progress)?;
     put_topology(&mut out, &state.topology)?;
     put_surface(&mut out, surface)?;
@@ -206,6 +214,23 @@ fn save_checkpoint(mapper: &Mapper, path: &Path) -> Result<()> {
     out.put_array(ROW_STEPS, &steps)?;
     out.put_record(DECODERS, &(&state.backend.sdf, &state.backend.occupancy))?;
     out.write(path)
+}
+
+/// Radiance has a record of its own, which maps from before there were colours do not have.
+fn put_config(out: &mut Sections<'_>, config: &MapConfig) -> Result<()> {
+    out.put_record(CONFIG, config)?;
+    if config.has("radiance") {
+        out.put_record(RADIANCE, &config.radiance)?;
+    }
+    Ok(())
+}
+
+fn take_config(from: &mut Sections<'_>) -> Result<MapConfig> {
+    let mut config: MapConfig = from.take_record(CONFIG)?;
+    if config.has("radiance") {
+        config.radiance = from.take_record(RADIANCE)?;
+    }
+    config.checked()
 }
 
 fn put_topology<'a>(out: &mut Sections<'a>, state: &'a TopologyState<'_>) -> Result<()> {
@@ -235,13 +260,18 @@ fn put_surface<'a>(out: &mut Sections<'a>, state: &'a SurfaceState<'_>) -> Resul
     out.put_array(PRIOR_NEXT, &state.prior.next)?;
     out.put_array(PRIOR_PREVIOUS, &state.prior.previous)?;
     out.put_array(PRIOR_HEADS, &state.prior.heads)?;
-    out.put_array(RINGED, &state.ringed)
+    out.put_array(RINGED, &state.ringed)?;
+    if let Some(color) = &state.color {
+        out.put_array(COLOR_CELLS, &color.cells)?;
+        out.put_array(COLOR_SEEN, &color.seen)?;
+    }
+    Ok(())
 }
 
 fn take_mapper(config: MapConfig, from: &mut Sections<'_>) -> Result<Mapper> {
     let progress: Progress = from.take_record(PROGRESS)?;
     let topology = take_topology(from)?;
-    let surface = take_surface(from)?;
+    let surface = take_surface(&config, from)?;
     let has_robots = from.tags().any(|tag| tag == ROBOTS);
     let robots = if has_robots { from.take_record(ROBOTS)? } else { Robots::default() };
     let record: KeyRecord = from.take_record(KEY_FRAMES)?;
@@ -276,7 +306,12 @@ fn take_topology(from: &mut Sections<'_>) -> Result<TopologyState<'static>> {
     })
 }
 
-fn take_surface(from: &mut Sections<'_>) -> Result<SurfaceState<'static>> {
+fn take_surface(config: &MapConfig, from: &mut Sections<'_>) -> Result<SurfaceState<'static>> {
+    let color = if config.has("radiance") {
+        Some(ColorState { cells: owned(from, COLOR_CELLS)?, seen: owned(from, COLOR_SEEN)? })
+    } else {
+        None
+    };
     Ok(SurfaceState {
         surfels: SurfelState {
             surfels: owned(from, SURFELS)?,
@@ -301,6 +336,7 @@ fn take_surface(from: &mut Sections<'_>) -> Result<SurfaceState<'static>> {
             heads: owned(from, PRIOR_HEADS)?,
         },
         ringed: owned(from, RINGED)?,
+        color,
     })
 }
 
@@ -349,7 +385,7 @@ fn save_compact(view: &MapView, path: &Path) -> Result<()> {
     let state = view.state();
     let mut out = Sections::new();
     out.put_record(KIND, &Kind::Compact)?;
-    out.put_record(CONFIG, view.config())?;
+    put_config(&mut out, view.config())?;
     out.put_record(VIEW, &state.record)?;
     out.put_array(NODE_CHILDREN, &state.children)?;
     out.put_array(NODE_CORNERS, &state.corners)?;
@@ -358,11 +394,16 @@ fn save_compact(view: &MapView, path: &Path) -> Result<()> {
     out.put_array(NODE_BRICKS, &state.node_bricks)?;
     out.put_array(VIEW_ROWS, &state.rows)?;
     out.put_array(BRICK_KNOWN, &state.known)?;
+    if view.config().has("radiance") {
+        out.put_array(COLOR_CELLS, &state.color_cells)?;
+        out.put_array(VIEW_TEXELS, &state.texels)?;
+    }
     out.write(path)
 }
 
 fn take_view(from: &mut Sections<'_>) -> Result<MapView> {
-    let config: MapConfig = from.take_record(CONFIG)?;
+    let config = take_config(from)?;
+    let has_color = config.has("radiance");
     let state = ViewState {
         record: from.take_record(VIEW)?,
         children: from.take_array(NODE_CHILDREN)?,
@@ -372,6 +413,8 @@ fn take_view(from: &mut Sections<'_>) -> Result<MapView> {
         node_bricks: from.take_array(NODE_BRICKS)?,
         rows: from.take_array(VIEW_ROWS)?,
         known: from.take_array(BRICK_KNOWN)?,
+        color_cells: if has_color { from.take_array(COLOR_CELLS)? } else { Vec::new() },
+        texels: if has_color { from.take_array(VIEW_TEXELS)? } else { Vec::new() },
     };
     MapView::from_state(config, state)
 }

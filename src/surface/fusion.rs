@@ -2,8 +2,10 @@
 
 mod stored;
 
+use glam::Vec3;
 use rayon::prelude::*;
 
+use super::color::ColorField;
 use super::evidence::{BRICK_CELLS, Carved, CellAddress, Evidence};
 use super::noise::DepthNoise;
 use super::observe::observe;
@@ -73,6 +75,8 @@ pub struct Surface {
     pub surfels: SurfelMap,
     pub evidence: Evidence,
     pub prior: PriorField,
+    /// Where the map has radiance.
+    pub color: Option<ColorField>,
     /// 1 for level-0 voxels (by node) whose ring of neighbours exists.
     ringed: Vec<u8>,
     /// Bricks (by id) that the octree has a voxel for.
@@ -90,6 +94,10 @@ pub struct SurfaceChange {
     /// Surfels that are new or fused, or stand elsewhere in their cell's list; may hold repeats.
     pub surfels: Vec<u32>,
     pub surfels_removed: usize,
+    /// Blocks of colour of which vertices or neighbours changed.
+    pub colors: Vec<u32>,
+    /// What brings the frame's colours to the map's, channel by channel.
+    pub gain: Vec3,
 }
 
 impl Surface {
@@ -104,6 +112,8 @@ impl Surface {
             surfels: SurfelMap::new(config.surfel_size_m),
             evidence: Evidence::new(lattice.size_m(lattice.cell)),
             prior: PriorField::new(config.max_distance_m),
+            color: ColorField::scale(config)
+                .map(|scale| ColorField::new(scale, config.radiance.stride)),
             ringed: Vec::new(),
             bricks_planted: 0,
         }
@@ -111,7 +121,8 @@ impl Surface {
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        self.surfels.bytes() + self.evidence.bytes() + self.prior.bytes()
+        let color = self.color.as_ref().map_or(0, ColorField::bytes);
+        self.surfels.bytes() + self.evidence.bytes() + self.prior.bytes() + color
     }
 
     /// Takes a frame in. `epoch` counts the frames from 1; `source` is the robot.
@@ -124,18 +135,23 @@ impl Surface {
         pool: &rayon::ThreadPool,
     ) -> SurfaceChange {
         let noise = DepthNoise::estimate(&frame.depth);
-        let Self { surfels, evidence, surfel_stride, carve_stride, .. } = self;
-        let ((observations, touched), carved) = pool.join(
+        let Self { surfels, evidence, color, surfel_stride, carve_stride, .. } = self;
+        let ((observations, touched), (carved, gain)) = pool.join(
             || {
                 let observations = observe(frame, &noise, *surfel_stride, pool);
                 let touched = surfels.fuse(&observations, source, epoch);
                 (observations.len(), touched)
             },
-            || evidence.carve(frame, *carve_stride, epoch),
+            || {
+                let carve = || evidence.carve(frame, *carve_stride, epoch);
+                let paint = || color.as_mut().map_or(Vec3::ONE, |c| c.integrate(frame, epoch));
+                pool.join(carve, paint)
+            },
         );
         tracing::trace!(observations, touched = touched.len(), "fused");
         let touched = self.index_new(touched);
-        topology.refuse(carved.refused + self.surfels.take_refused());
+        let unpainted = self.color.as_mut().map_or(0, |color| color.band.take_refused());
+        topology.refuse(carved.refused + self.surfels.take_refused() + unpainted);
         let gone = self.seen_through(frame, &noise, &carved.suspects, epoch);
         self.allocate(&touched, &carved, topology);
         self.prior.grow(topology, &self.surfels);
@@ -153,6 +169,8 @@ impl Surface {
             touched_bricks,
             surfels: self.surfels.take_changed(),
             surfels_removed: gone.len(),
+            colors: self.color.as_mut().map_or_else(Vec::new, ColorField::take_changed),
+            gain,
             ..SurfaceChange::default()
         };
         self.settle_and_split(topology, pool, &mut change.prior);

@@ -1,6 +1,7 @@
 //! The observed surface in closed form: fused surfels, the evidence of free space, and the
 //! distance prior that both give to every vertex (algorithms.md §13).
 
+mod color;
 mod evidence;
 mod fusion;
 mod label;
@@ -13,6 +14,7 @@ mod surfel;
 #[cfg(test)]
 mod test_frame;
 
+pub use color::{ColorField, ColorState, SeenColor};
 pub use evidence::{BRICK_CELLS, CELLS, Carved, CellAddress, Evidence, EvidenceState, Known};
 pub use fusion::{Lattice, NEAR_M, Surface, SurfaceChange, SurfaceState};
 pub use prior::{PriorChange, PriorField, PriorState};

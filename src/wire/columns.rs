@@ -123,6 +123,7 @@ mod tests {
             gradient: vec![Vec3::X, Vec3::NAN],
             occupancy: vec![],
             state: vec![1, 0],
+            ..PointAnswers::default()
         }
     }
 

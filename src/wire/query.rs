@@ -78,7 +78,7 @@ fn fields_from_wire(fields: &[i32]) -> Result<Fields> {
     if fields.is_empty() {
         return Ok(Fields::ALL);
     }
-    let mut asked = Fields { distance: false, gradient: false, occupancy: false, state: false };
+    let mut asked = Fields::NONE;
     for (index, field) in fields.iter().enumerate() {
         match v1::PointField::try_from(*field) {
             Ok(v1::PointField::Distance) => asked.distance = true,
@@ -117,6 +117,7 @@ impl From<v1::QueryPointsReply> for PointsReply {
                 gradient: message.gradient.chunks_exact(3).map(Vec3::from_slice).collect(),
                 occupancy: message.occupancy,
                 state: message.state,
+                ..PointAnswers::default()
             },
             epoch: message.epoch,
             newest_stamp_ns: message.newest_stamp_ns,
@@ -185,7 +186,7 @@ mod tests {
                 frame_id,
                 points: points.into_iter().map(Vec3::from).collect(),
                 // No field at all means every field, so one is always asked for.
-                fields: Fields { distance, gradient, occupancy, state: true },
+                fields: Fields { distance, gradient, occupancy, state: true, color: false },
                 min_epoch,
                 max_age: max_age_ms.map(Duration::from_millis),
                 unknown: Unknown { policy, distance_m },
@@ -212,6 +213,7 @@ mod tests {
                     gradient: rows.iter().map(|(n, _)| Vec3::from_slice(&n[1..4])).collect(),
                     occupancy: rows.iter().map(|(n, _)| n[4]).collect(),
                     state: rows.iter().map(|(_, state)| *state).collect(),
+                    ..PointAnswers::default()
                 },
                 epoch,
                 newest_stamp_ns,

@@ -57,6 +57,7 @@ fn from_json(answer: &Value) -> PointsReply {
             gradient: column("gradient").iter().map(triple).collect(),
             occupancy: column("occupancy").iter().map(number).collect(),
             state: column("state").iter().map(|s| s.as_u64().unwrap() as u8).collect(),
+            ..PointAnswers::default()
         },
         epoch: answer["epoch"].as_u64().unwrap(),
         newest_stamp_ns: answer["newest_stamp_ns"].as_i64().unwrap(),
@@ -66,7 +67,7 @@ fn from_json(answer: &Value) -> PointsReply {
 
 /// The JSON of a question.
 fn to_json(question: &PointsQuestion) -> Value {
-    let Fields { distance, gradient, occupancy, state } = question.fields;
+    let Fields { distance, gradient, occupancy, state, .. } = question.fields;
     let names = [
         (distance, "distance"),
         (gradient, "gradient"),
@@ -89,10 +90,15 @@ fn to_json(question: &PointsQuestion) -> Value {
 async fn every_field_is_the_same_over_grpc_in_json_and_raw() {
     let server = mapped().await;
     let raw = HttpClient::new(&format!("http://{}", server.http)).unwrap();
-    let only =
-        |on: [bool; 4]| Fields { distance: on[0], gradient: on[1], occupancy: on[2], state: on[3] };
+    let only = |on: [bool; 4]| Fields {
+        distance: on[0],
+        gradient: on[1],
+        occupancy: on[2],
+        state: on[3],
+        color: false,
+    };
     let each = (0..4).map(|field| only([0, 1, 2, 3].map(|i| i == field)));
-    let fields: Vec<Fields> = each.chain([Fields::ALL]).collect();
+    let fields: Vec<Fields> = each.chain([Fields { color: false, ..Fields::ALL }]).collect();
     let unknowns = [
         Unknown::default(),
         Unknown { policy: UnknownPolicy::Free, distance_m: None },

@@ -40,7 +40,7 @@ pub(super) struct QueryBenchArgs {
     rounds: u32,
 }
 
-const FIELDS: Fields = Fields { distance: true, gradient: true, occupancy: false, state: false };
+const FIELDS: Fields = Fields { gradient: true, ..Fields::DISTANCE };
 const THREADS: [usize; 2] = [1, 2];
 /// The batch that the targets are about, and the threads.
 const JUDGED: (u32, usize) = (10_000, 2);

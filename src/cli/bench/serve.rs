@@ -53,7 +53,7 @@ pub(super) struct ServeBenchArgs {
 
 const RATE_HZ: f64 = 30.0;
 /// Distance and gradient, as a planner asks.
-const FIELDS: Fields = Fields { distance: true, gradient: true, occupancy: false, state: false };
+const FIELDS: Fields = Fields { gradient: true, ..Fields::DISTANCE };
 /// The questions: transport, points, and what 99 of 100 answers must not take longer than, ms.
 const KINDS: [(&str, usize, f64); 4] = [
     ("gRPC, 1 k points", 1_000, 5.0),

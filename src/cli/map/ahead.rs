@@ -16,6 +16,7 @@ pub(super) fn decode<'scope>(
     scope: &'scope Scope<'scope, '_>,
     dataset: &'scope dyn Dataset,
     indices: &'scope [usize],
+    with_color: bool,
     noise: Option<(Noise, u32)>,
 ) -> Result<Receiver<Loaded>> {
     let (sender, receiver) = sync_channel(AHEAD);
@@ -26,7 +27,7 @@ pub(super) fn decode<'scope>(
             }
         };
         let indices = indices.iter().copied();
-        load_each(dataset, indices, prepare, |loaded| sender.send(loaded).is_ok());
+        load_each(dataset, indices, with_color, prepare, |loaded| sender.send(loaded).is_ok());
     };
     Builder::new()
         .name("orenx-decode".into())

@@ -57,7 +57,6 @@ pub(crate) fn evaluate_with<S: NodeSource + RowSource>(
     let mut reader = Reader {
         set,
         source,
-        lookup,
         decoders,
         want_distance: !distance.is_empty(),
         want_gradient: !gradient.is_empty(),
@@ -65,7 +64,8 @@ pub(crate) fn evaluate_with<S: NodeSource + RowSource>(
         tile: Tile::new(points.len().min(TILE)),
     };
     for (i, points) in points.chunks(TILE).enumerate() {
-        reader.run(points);
+        reader.locate(&lookup, points);
+        reader.run();
         let at = i * TILE;
         let tile = &reader.tile;
         for (slot, point) in tile.found.iter().enumerate() {
@@ -86,10 +86,48 @@ pub(crate) fn evaluate_with<S: NodeSource + RowSource>(
     }
 }
 
+/// A point whose voxel is known already.
+#[derive(Debug, Clone, Copy)]
+pub struct Sample {
+    /// A voxel with rows.
+    pub node: u32,
+    pub place: Place,
+}
+
+/// The signed distance, m, and its gradient at samples; each slice is as long as `samples`, or empty
+/// where it is not wanted.
+pub fn evaluate_samples<S: NodeSource + RowSource>(
+    source: &S,
+    decoders: &Decoders,
+    samples: &[Sample],
+    distance: &mut [f32],
+    gradient: &mut [Vec3],
+) {
+    let mut reader = Reader {
+        set: InstructionSet::detect(),
+        source,
+        decoders,
+        want_distance: !distance.is_empty(),
+        want_gradient: !gradient.is_empty(),
+        want_occupancy: false,
+        tile: Tile::new(samples.len().min(TILE)),
+    };
+    for (i, samples) in samples.chunks(TILE).enumerate() {
+        reader.take(samples);
+        reader.run();
+        let range = i * TILE..i * TILE + samples.len();
+        if reader.want_distance {
+            distance[range.clone()].copy_from_slice(&reader.tile.distances);
+        }
+        if reader.want_gradient {
+            gradient[range].copy_from_slice(&reader.tile.gradients);
+        }
+    }
+}
+
 struct Reader<'a, S: RowSource> {
     set: InstructionSet,
     source: &'a S,
-    lookup: Lookup<'a, S>,
     decoders: &'a Decoders,
     want_distance: bool,
     want_gradient: bool,
@@ -152,7 +190,23 @@ impl Packed {
     }
 }
 
-impl Tile<'_> {
+impl<'a> Tile<'a> {
+    fn clear_places(&mut self) {
+        self.rows.clear();
+        self.places.clear();
+    }
+
+    /// Adds a point, and asks for the rows around it.
+    fn push<S: NodeSource + RowSource>(&mut self, source: &'a S, node: u32, place: Place) {
+        let mut rows = [&NOTHING; 8];
+        for (row, number) in rows.iter_mut().zip(source.corners(node)) {
+            *row = source.row(*number);
+            prefetch(*row);
+        }
+        self.rows.push(rows);
+        self.places.push(place);
+    }
+
     fn new(points: usize) -> Self {
         Self {
             found: Vec::with_capacity(points),
@@ -171,8 +225,8 @@ impl Tile<'_> {
 }
 
 impl<S: NodeSource + RowSource> Reader<'_, S> {
-    fn run(&mut self, points: &[Vec3]) {
-        self.locate(points);
+    /// Evaluates what [`Self::locate`] or [`Self::take`] left in the tile.
+    fn run(&mut self) {
         let tile = &mut self.tile;
         tile.distances.clear();
         tile.gradients.clear();
@@ -194,31 +248,28 @@ impl<S: NodeSource + RowSource> Reader<'_, S> {
         }
     }
 
-    fn locate(&mut self, points: &[Vec3]) {
+    fn locate(&mut self, lookup: &Lookup<'_, S>, points: &[Vec3]) {
         let mut cells = [Found::NONE; TILE];
         let cells = &mut cells[..points.len()];
-        self.lookup.find_many(points, cells);
-        let tile = &mut self.tile;
-        tile.found.clear();
-        tile.voxels.clear();
-        tile.rows.clear();
-        tile.places.clear();
+        lookup.find_many(points, cells);
+        self.tile.found.clear();
+        self.tile.voxels.clear();
+        self.tile.clear_places();
         for (i, (cell, point)) in cells.iter().zip(points).enumerate() {
             if cell.is_some() {
-                let voxel = self.lookup.located(*cell, *point);
-                tile.found.push(i as u8);
-                tile.voxels.push(*cell);
-                let mut rows = [&NOTHING; 8];
-                for (row, number) in rows.iter_mut().zip(self.source.corners(cell.node)) {
-                    *row = self.source.row(*number);
-                    prefetch(*row);
-                }
-                tile.rows.push(rows);
-                tile.places.push(Place {
-                    offset_m: (*point - voxel.min_m).to_array(),
-                    size_m: voxel.size_m,
-                });
+                let voxel = lookup.located(*cell, *point);
+                self.tile.found.push(i as u8);
+                self.tile.voxels.push(*cell);
+                let offset_m = (*point - voxel.min_m).to_array();
+                self.tile.push(self.source, cell.node, Place { offset_m, size_m: voxel.size_m });
             }
+        }
+    }
+
+    fn take(&mut self, samples: &[Sample]) {
+        self.tile.clear_places();
+        for sample in samples {
+            self.tile.push(self.source, sample.node, sample.place);
         }
     }
 

@@ -134,6 +134,7 @@ impl Options {
                 gradient: has(Field::Gradient),
                 occupancy: has(Field::Occupancy),
                 state: has(Field::State),
+                color: false,
             },
             min_epoch: self.min_epoch.unwrap_or_default(),
             max_age: self.max_age_ms.filter(|ms| *ms > 0).map(Duration::from_millis),

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use super::Surface;
 use crate::error::Result;
+use crate::surface::color::{ColorField, ColorState};
 use crate::surface::evidence::EvidenceState;
 use crate::surface::prior::PriorState;
 use crate::surface::surfel::SurfelState;
@@ -15,6 +16,7 @@ pub struct SurfaceState<'a> {
     pub evidence: EvidenceState<'a>,
     pub prior: PriorState<'a>,
     pub ringed: Cow<'a, [u8]>,
+    pub color: Option<ColorState<'a>>,
 }
 
 impl Surface {
@@ -25,6 +27,7 @@ impl Surface {
             evidence: self.evidence.state(),
             prior: self.prior.state(),
             ringed: Cow::Borrowed(&self.ringed),
+            color: self.color.as_ref().map(ColorField::state),
         }
     }
 
@@ -35,6 +38,10 @@ impl Surface {
         self.evidence = self.evidence.with_state(state.evidence, slots)?;
         self.prior = self.prior.with_state(state.prior, rows, slots)?;
         self.ringed = state.ringed.into_owned();
+        self.color = match (self.color, state.color) {
+            (Some(color), Some(state)) => Some(color.with_state(state)?),
+            (color, _) => color,
+        };
         self.bricks_planted = self.evidence.bricks() as u32;
         Ok(self)
     }

@@ -1,0 +1,128 @@
+//! Images of a view, drawn on the CPU by any reader: colour, depth, normals, opacity, and where the
+//! map does not know.
+//!
+//! Light is taken by voxels near a surface, of level 0 and below: what a coarse voxel says near zero
+//! is interpolation. Surfaces are seen from their front: a ray that begins behind one takes no notice
+//! of it until it has come out, so that a camera outside of a room, or in a wall, looks into the
+//! room.
+
+mod camera;
+mod density;
+mod patch;
+mod ray;
+#[cfg(test)]
+mod tests;
+mod unknown;
+
+use glam::Vec3;
+use rayon::ThreadPool;
+use serde::{Deserialize, Serialize};
+
+use self::camera::Rays;
+use super::view::MapView;
+use crate::error::{Error, Result};
+
+pub use camera::{Camera, MAX_SIDE};
+
+/// How an image is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Renderer {
+    /// Voxel by voxel on tiles of pixels: fast.
+    Tile,
+    /// Ray by ray through the field itself: the reference.
+    Ray,
+}
+
+/// Where in a voxel a ray takes its colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum SamplePosition {
+    /// Where the signed distance is zero; where it only comes near, at the middle of the light that
+    /// is taken there.
+    ZeroCrossing,
+    /// Halfway through the voxel, for comparison.
+    Midpoint,
+}
+
+/// How images are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RenderSettings {
+    pub renderer: Renderer,
+    pub sample: SamplePosition,
+    /// s of the density, 1/m: surfaces are soft over a few 1/s.
+    pub sharpness: f32,
+}
+
+impl Default for RenderSettings {
+    fn default() -> Self {
+        Self { renderer: Renderer::Tile, sample: SamplePosition::ZeroCrossing, sharpness: 200.0 }
+    }
+}
+
+impl RenderSettings {
+    /// Fails on a sharpness that is no surface's.
+    pub fn check(&self) -> Result<()> {
+        if !(20.0..=2000.0).contains(&self.sharpness) {
+            let problem = format!("{} must be within 20..=2000 1/m", self.sharpness);
+            return Err(Error::invalid("sharpness", problem));
+        }
+        Ok(())
+    }
+}
+
+/// Which images are wanted.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Channels {
+    pub color: bool,
+    pub depth: bool,
+    pub normal: bool,
+    pub opacity: bool,
+    pub unknown: bool,
+}
+
+impl Channels {
+    pub const ALL: Self =
+        Self { color: true, depth: true, normal: true, opacity: true, unknown: true };
+}
+
+/// What an image is made of; each is row-major, as long as the image has pixels, or empty where it
+/// was not asked for.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Rendering {
+    pub width: u32,
+    pub height: u32,
+    /// sRGB in 0..=1; black where nothing was hit or the surface has no colour.
+    pub color: Vec<Vec3>,
+    /// z-depth of the surface, m; 0 where there is none.
+    pub depth_m: Vec<f32>,
+    /// Unit normal towards the camera's side, world axes; zero where there is none.
+    pub normal: Vec<Vec3>,
+    /// The share of the light that the ray lost on its way.
+    pub opacity: Vec<f32>,
+    /// 1 where the ray left observed space before it met a surface, or met none.
+    pub unknown: Vec<u8>,
+}
+
+/// What every tile of an image is drawn from.
+struct Job<'a> {
+    view: &'a MapView,
+    rays: Rays,
+    channels: Channels,
+    settings: RenderSettings,
+}
+
+/// Draws a view on `pool`; camera and settings must have passed their checks. `None` if
+/// `interrupted`, which is asked before every tile.
+pub fn render(
+    view: &MapView,
+    camera: &Camera,
+    channels: Channels,
+    settings: &RenderSettings,
+    pool: &ThreadPool,
+    interrupted: &(dyn Fn() -> bool + Sync),
+) -> Option<Rendering> {
+    let job = Job { view, rays: camera.rays(), channels, settings: *settings };
+    patch::assemble(&job, pool, interrupted, &|area| ray::draw(&job, area))
+}

@@ -1,0 +1,111 @@
+//! An image in square patches, each drawn by one thread.
+
+use glam::Vec3;
+use rayon::ThreadPool;
+use rayon::prelude::*;
+
+use super::{Channels, Job, Rendering};
+
+/// Side of a patch, pixels.
+pub(super) const SIDE: u32 = 16;
+
+/// A patch's place in the image, pixels; smaller than [`SIDE`] at the right and the lower border.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Area {
+    pub left: u32,
+    pub top: u32,
+    pub width: u32,
+    pub height: u32,
+}
+
+impl Area {
+    pub(super) fn pixels(&self) -> usize {
+        (self.width * self.height) as usize
+    }
+
+    /// Column and row in the image of a pixel of the patch.
+    pub(super) fn place(&self, pixel: usize) -> (u32, u32) {
+        (self.left + pixel as u32 % self.width, self.top + pixel as u32 / self.width)
+    }
+}
+
+/// What a patch shows: columns as those of [`Rendering`], row by row.
+pub(super) struct Patch {
+    pub color: Vec<Vec3>,
+    pub depth_m: Vec<f32>,
+    pub normal: Vec<Vec3>,
+    pub opacity: Vec<f32>,
+    pub unknown: Vec<u8>,
+}
+
+impl Patch {
+    /// Nothing was hit.
+    pub(super) fn new(pixels: usize, channels: Channels) -> Self {
+        let wanted = |on: bool| if on { pixels } else { 0 };
+        Self {
+            color: vec![Vec3::ZERO; wanted(channels.color)],
+            depth_m: vec![0.0; wanted(channels.depth)],
+            normal: vec![Vec3::ZERO; wanted(channels.normal)],
+            opacity: vec![0.0; wanted(channels.opacity)],
+            unknown: vec![1; wanted(channels.unknown)],
+        }
+    }
+}
+
+/// Draws all patches on `pool` and puts them together; `None` if interrupted.
+pub(super) fn assemble(
+    job: &Job<'_>,
+    pool: &ThreadPool,
+    interrupted: &(dyn Fn() -> bool + Sync),
+    draw: &(dyn Fn(Area) -> Patch + Sync),
+) -> Option<Rendering> {
+    let (width, height) = (job.rays.intrinsics.width, job.rays.intrinsics.height);
+    let mut areas = Vec::new();
+    for top in (0..height).step_by(SIDE as usize) {
+        for left in (0..width).step_by(SIDE as usize) {
+            let (width, height) = (SIDE.min(width - left), SIDE.min(height - top));
+            areas.push(Area { left, top, width, height });
+        }
+    }
+    let draw = |area: &Area| (!interrupted()).then(|| draw(*area));
+    let patches: Option<Vec<Patch>> =
+        pool.install(|| areas.par_iter().with_min_len(4).map(draw).collect());
+    let patches = patches?;
+    let pixels = job.rays.intrinsics.pixels();
+    let place = |area: &Area, row: u32| {
+        let from = (row * area.width) as usize;
+        let to = (area.top + row) as usize * width as usize + area.left as usize;
+        (from, to)
+    };
+    Some(Rendering {
+        width,
+        height,
+        color: paste(pixels, &areas, &patches, |p| &p.color, place),
+        depth_m: paste(pixels, &areas, &patches, |p| &p.depth_m, place),
+        normal: paste(pixels, &areas, &patches, |p| &p.normal, place),
+        opacity: paste(pixels, &areas, &patches, |p| &p.opacity, place),
+        unknown: paste(pixels, &areas, &patches, |p| &p.unknown, place),
+    })
+}
+
+/// One column of the image.
+fn paste<T: Copy + Default>(
+    pixels: usize,
+    areas: &[Area],
+    patches: &[Patch],
+    column: impl Fn(&Patch) -> &[T],
+    place: impl Fn(&Area, u32) -> (usize, usize),
+) -> Vec<T> {
+    if patches.first().is_none_or(|patch| column(patch).is_empty()) {
+        return Vec::new();
+    }
+    let mut image = vec![T::default(); pixels];
+    for (area, patch) in areas.iter().zip(patches) {
+        for row in 0..area.height {
+            let (from, to) = place(area, row);
+            let width = area.width as usize;
+            image[to..to + width].copy_from_slice(&column(patch)[from..from + width]);
+        }
+    }
+    image
+}

@@ -1,0 +1,142 @@
+//! Radiance: colour c(x) = σ(Σ w_k p_k / Σ w_k) over the band's vertices around x that were
+//! observed, with trilinear weights w_k and p_k three logits a vertex (paper, radiance:
+//! sigmoid activation).
+//!
+//! A vertex starts with the logits of the average that frames saw there (algorithms.md §14), and
+//! what rays teach is added to them. Colours are sRGB within 0..1: what cameras deliver and screens
+//! take.
+
+use glam::Vec3;
+
+use crate::octree::{BandPlace, BandScale, NO_VERTEX, Uppers};
+
+/// Bound of a stored logit, so that it fits a [`Texel`].
+const LIMIT: f32 = 7.99;
+/// Colours are kept this far from 0 and 1, where logits have no end: half of an 8-bit step.
+const MARGIN: f32 = 1.0 / 512.0;
+/// Steps of a [`Texel`] in one unit of a logit.
+const SCALE: f32 = 4096.0;
+
+/// A vertex as a view holds it: logits in steps of 2⁻¹², and 1 where it was observed.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Texel {
+    logits: [i16; 3],
+    observed: i16,
+}
+
+impl Texel {
+    /// An observed vertex.
+    pub fn new(logits: Vec3) -> Self {
+        let step = |x: f32| (x.clamp(-LIMIT, LIMIT) * SCALE).round() as i16;
+        Self { logits: [step(logits.x), step(logits.y), step(logits.z)], observed: 1 }
+    }
+
+    /// Whether a frame saw the vertex.
+    #[inline]
+    pub fn is_observed(self) -> bool {
+        self.observed != 0
+    }
+
+    /// The logits; of no meaning where the vertex was not observed.
+    #[inline]
+    pub fn logits(self) -> Vec3 {
+        Vec3::from(self.logits.map(f32::from)) * (1.0 / SCALE)
+    }
+}
+
+/// Read access to a band of colour.
+pub trait TexelSource {
+    /// How the band divides cells.
+    fn band(&self) -> BandScale;
+    /// A block and its neighbours.
+    fn uppers(&self, block: u32) -> &Uppers;
+    /// The vertex with a row that exists.
+    fn texel(&self, row: u32) -> Texel;
+}
+
+/// The colour at a point (world metres) whose cell of level 0 has this block; `None` where no
+/// vertex around was observed.
+#[inline]
+pub fn color(source: &(impl TexelSource + ?Sized), block: u32, point: Vec3) -> Option<Vec3> {
+    let scale = source.band();
+    let place: BandPlace = scale.place(point);
+    let rows = scale.vertices_around(&place, source.uppers(block));
+    let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+    for (row, weight) in rows.into_iter().zip(place.weights()) {
+        if row == NO_VERTEX {
+            continue;
+        }
+        let texel = source.texel(row);
+        if texel.is_observed() {
+            sum += texel.logits() * weight;
+            total += weight;
+        }
+    }
+    (total > 0.0).then(|| sigmoid(sum / total))
+}
+
+/// Logits of a colour within 0..1.
+#[inline]
+pub fn logits(color: Vec3) -> Vec3 {
+    let c = color.clamp(Vec3::splat(MARGIN), Vec3::splat(1.0 - MARGIN));
+    let logit = |x: f32| (x / (1.0 - x)).ln();
+    Vec3::new(logit(c.x), logit(c.y), logit(c.z))
+}
+
+/// The colour of logits.
+#[inline]
+pub fn sigmoid(logits: Vec3) -> Vec3 {
+    let probability = |x: f32| 1.0 / (1.0 + (-x).exp());
+    Vec3::new(probability(logits.x), probability(logits.y), probability(logits.z))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::octree::Band;
+
+    struct Source(Band, Vec<Texel>);
+
+    impl TexelSource for Source {
+        fn band(&self) -> BandScale {
+            self.0.scale
+        }
+
+        fn uppers(&self, block: u32) -> &Uppers {
+            self.0.uppers(block)
+        }
+
+        fn texel(&self, row: u32) -> Texel {
+            self.1[row as usize]
+        }
+    }
+
+    #[test]
+    fn logits_and_colours_invert_each_other_within_half_a_step_of_eight_bits() {
+        for level in 0..=255 {
+            let color = Vec3::splat(level as f32 / 255.0);
+            let back = sigmoid(Texel::new(logits(color)).logits());
+            assert!((back - color).abs().max_element() <= 1.0 / 510.0, "{level}: {back}");
+        }
+    }
+
+    #[test]
+    fn vertices_that_nobody_saw_have_no_say() {
+        let scale = BandScale { cell_m: 0.1, log2_side: 1 };
+        let mut band = Band::new(scale);
+        band.limit(1);
+        let block = band.insert([0; 3]).expect("room");
+        let mut source = Source(band, vec![Texel::default(); 8]);
+        let point = Vec3::splat(0.02);
+        assert_eq!(color(&source, block, point), None);
+        let (red, blue) = (Vec3::new(0.9, 0.1, 0.1), Vec3::new(0.1, 0.1, 0.9));
+        source.1[0] = Texel::new(logits(red));
+        let found = color(&source, block, point).expect("observed");
+        assert!((found - red).abs().max_element() < 1e-3, "{found}");
+        source.1[1] = Texel::new(logits(blue));
+        // Halfway along x between both, in logits: both mix alike, whatever the other axes say.
+        let found = color(&source, block, Vec3::new(0.025, 0.02, 0.02)).expect("observed");
+        assert!((found - Vec3::new(0.5, 0.1, 0.5)).abs().max_element() < 1e-3, "{found}");
+    }
+}

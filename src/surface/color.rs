@@ -1,0 +1,315 @@
+//! The colour of surfaces in closed form: every vertex of a fine band holds the running average of
+//! what frames saw around it (algorithms.md §14).
+//!
+//! Cameras change their exposure; a frame's colours are first multiplied by the gain, one a
+//! channel, that fits them best to what the map shows at the same places.
+
+mod stored;
+
+use glam::Vec3;
+
+use crate::config::MapConfig;
+use crate::frame::{ColorImage, Frame};
+use crate::octree::{Band, BandPlace, BandScale, NO_BLOCK, NO_VERTEX};
+
+pub use stored::ColorState;
+
+/// The weight of the past is bounded by this many pixels that hit a vertex: enough to average noise
+/// away, and few enough for a changed surface to show within some frames.
+const MAX_WEIGHT: f32 = 64.0;
+/// A pixel is left out where the depth differs from a neighbour's by more than this share: its
+/// colour mixes two surfaces.
+const EDGE_SHARE: f32 = 0.04;
+/// Bounds of an exposure gain, and how far a frame trusts it: all the way, errors would add up over
+/// the frames of a long run.
+const GAIN_LIMIT: f32 = 1.5;
+const GAIN_TRUST: f32 = 0.9;
+/// Pixels without which no gain is estimated, and the colours, within 0..1, that take part: neither
+/// clipped nor all noise.
+const GAIN_PIXELS: usize = 256;
+const GAIN_RANGE: std::ops::RangeInclusive<f32> = 0.1..=0.9;
+
+/// What frames saw around a vertex.
+#[derive(Debug, Clone, Copy, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct SeenColor {
+    /// Average, sRGB within 0..1.
+    pub mean: [f32; 3],
+    /// Trilinear weights of the pixels in it; 0 where no frame saw the vertex.
+    pub weight: f32,
+}
+
+impl SeenColor {
+    fn add(&mut self, color: Vec3, weight: f32) {
+        self.weight = (self.weight + weight).min(MAX_WEIGHT);
+        let mean = Vec3::from(self.mean);
+        self.mean = (mean + (color - mean) * (weight / self.weight)).to_array();
+    }
+}
+
+/// A pixel on its way into the map.
+#[derive(Debug)]
+struct Splat {
+    place: BandPlace,
+    block: u32,
+    color: Vec3,
+}
+
+/// The averages of a map, by vertex of its band.
+#[derive(Debug)]
+pub struct ColorField {
+    pub band: Band,
+    /// Every n-th pixel in u and v takes part.
+    stride: u32,
+    seen: Vec<SeenColor>,
+    /// The frame that changed a block last.
+    touched: Vec<u32>,
+    /// Blocks that changed since [`ColorField::take_changed`].
+    changed: Vec<u32>,
+    splats: Vec<Splat>,
+}
+
+impl ColorField {
+    /// What a block of `scale` takes, bytes.
+    pub fn block_bytes(scale: BandScale) -> usize {
+        Band::BLOCK_BYTES + scale.vertices() * size_of::<SeenColor>() + 4
+    }
+
+    /// How the band divides level-0 voxels, if a map has radiance.
+    pub fn scale(config: &MapConfig) -> Option<BandScale> {
+        let scale = BandScale { cell_m: config.r0_m, log2_side: config.radiance.log2_side };
+        config.has("radiance").then_some(scale)
+    }
+
+    /// Nothing seen yet; every `stride`-th pixel in u and v will take part.
+    pub fn new(scale: BandScale, stride: u32) -> Self {
+        Self {
+            band: Band::new(scale),
+            stride,
+            seen: Vec::new(),
+            touched: Vec::new(),
+            changed: Vec::new(),
+            splats: Vec::new(),
+        }
+    }
+
+    /// The averages, by vertex of the band.
+    pub fn seen(&self) -> &[SeenColor] {
+        &self.seen
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        (self.band.blocks() * Self::block_bytes(self.band.scale)) as u64
+    }
+
+    /// Blocks of which vertices or neighbours changed since the last call, sorted.
+    pub fn take_changed(&mut self) -> Vec<u32> {
+        let mut changed = std::mem::take(&mut self.changed);
+        changed.extend(self.band.take_linked());
+        changed.sort_unstable();
+        changed.dedup();
+        changed
+    }
+
+    /// Takes the colours of a frame in; `number` counts the frames from 1. Returns the gains that
+    /// bring the frame's colours to the map's.
+    pub fn integrate(&mut self, frame: &Frame, number: u32) -> Vec3 {
+        let Some(image) = &frame.color else { return Vec3::ONE };
+        self.place(frame, image);
+        let gain = self.gain();
+        self.seen.resize(self.band.rows(), SeenColor::default());
+        self.touched.resize(self.band.blocks(), 0);
+        for splat in std::mem::take(&mut self.splats) {
+            let uppers = self.band.uppers(splat.block);
+            let rows = self.band.scale.vertices_around(&splat.place, uppers);
+            let color = (splat.color * gain).min(Vec3::ONE);
+            for (row, weight) in rows.into_iter().zip(splat.place.weights()) {
+                if row != NO_VERTEX && weight > 0.0 {
+                    self.seen[row as usize].add(color, weight);
+                }
+            }
+            for block in *uppers {
+                if block != NO_BLOCK
+                    && std::mem::replace(&mut self.touched[block as usize], number) != number
+                {
+                    self.changed.push(block);
+                }
+            }
+        }
+        gain
+    }
+
+    /// Finds room for the pixels of a frame.
+    fn place(&mut self, frame: &Frame, image: &ColorImage) {
+        let k = &frame.intrinsics;
+        let (rotation, origin) =
+            (frame.world_from_camera.rotation_f32(), frame.world_from_camera.position_f32());
+        let mut last = None;
+        for v in (self.stride / 2..k.height).step_by(self.stride as usize) {
+            for u in (self.stride / 2..k.width).step_by(self.stride as usize) {
+                let z = frame.depth.at(u, v);
+                if z <= 0.0 || at_edge(frame, u, v, z) {
+                    continue;
+                }
+                let point = rotation * (k.direction(u as f32, v as f32) * z) + origin;
+                let place = self.band.scale.place(point);
+                let block = match last {
+                    Some((cell, block)) if cell == place.cell => block,
+                    _ => match self.band.insert(place.cell) {
+                        Some(block) => block,
+                        None => continue,
+                    },
+                };
+                last = Some((place.cell, block));
+                self.band.surround(block, &place);
+                self.splats.push(Splat {
+                    place,
+                    block,
+                    color: image.beside(u, v, k.width, k.height),
+                });
+            }
+        }
+    }
+
+    /// What the frame's colours must be multiplied by, channel by channel, to show what the map
+    /// shows: the median ratio.
+    fn gain(&self) -> Vec3 {
+        let mut ratios: [Vec<f32>; 3] = Default::default();
+        for splat in &self.splats {
+            let Some(shown) = self.shown(splat) else { continue };
+            for (axis, ratios) in ratios.iter_mut().enumerate() {
+                if GAIN_RANGE.contains(&splat.color[axis]) && GAIN_RANGE.contains(&shown[axis]) {
+                    ratios.push(shown[axis] / splat.color[axis]);
+                }
+            }
+        }
+        Vec3::from(ratios.map(|mut ratios| {
+            if ratios.len() < GAIN_PIXELS {
+                return 1.0;
+            }
+            let middle = ratios.len() / 2;
+            let (_, median, _) = ratios.select_nth_unstable_by(middle, f32::total_cmp);
+            let gain = median.clamp(1.0 / GAIN_LIMIT, GAIN_LIMIT);
+            1.0 + GAIN_TRUST * (gain - 1.0)
+        }))
+    }
+
+    /// The average colour at a pixel's place, if frames saw all of its vertices.
+    fn shown(&self, splat: &Splat) -> Option<Vec3> {
+        let rows = self.band.scale.vertices_around(&splat.place, self.band.uppers(splat.block));
+        let mut sum = Vec3::ZERO;
+        for (row, weight) in rows.into_iter().zip(splat.place.weights()) {
+            // Blocks of this frame have no vertices yet.
+            let seen = self.seen.get(row as usize).filter(|seen| seen.weight > 0.0)?;
+            sum += Vec3::from(seen.mean) * weight;
+        }
+        Some(sum)
+    }
+}
+
+/// Whether a pixel lies next to a jump of the depth.
+fn at_edge(frame: &Frame, u: u32, v: u32, z: f32) -> bool {
+    let k = &frame.intrinsics;
+    let jumps = |u: u32, v: u32| {
+        let other = frame.depth.at(u.min(k.width - 1), v.min(k.height - 1));
+        other > 0.0 && (other - z).abs() > EDGE_SHARE * z
+    };
+    jumps(u.saturating_sub(1), v)
+        || jumps(u + 1, v)
+        || jumps(u, v.saturating_sub(1))
+        || jumps(u, v + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::surface::test_frame::frame;
+
+    const SCALE: BandScale = BandScale { cell_m: 0.1, log2_side: 2 };
+
+    /// A wall 2 m in front of the camera, left half and right half of their own colours, times
+    /// `exposure`.
+    fn wall(colors: [[f32; 3]; 2], exposure: f32) -> Frame {
+        let mut frame = frame(150.0, |_, _| 2.0);
+        let k = frame.intrinsics;
+        let pixels = (0..k.pixels() as u32).flat_map(|i| {
+            let half = usize::from(i % k.width >= k.width / 2);
+            colors[half].map(|c| (c * exposure * 255.0).round() as u8)
+        });
+        frame.color = Some(ColorImage { width: k.width, height: k.height, rgb: pixels.collect() });
+        frame
+    }
+
+    fn field() -> ColorField {
+        let mut field = ColorField::new(SCALE, 1);
+        field.band.limit(100_000);
+        field
+    }
+
+    /// The average at a pixel of the wall.
+    fn at(field: &ColorField, frame: &Frame, u: u32) -> Vec3 {
+        let place = SCALE.place(frame.world_point(u, 60, 2.0));
+        let block = field.band.find(place.cell).expect("a block");
+        field.shown(&Splat { place, block, color: Vec3::ZERO }).expect("seen")
+    }
+
+    const COLORS: [[f32; 3]; 2] = [[0.8, 0.2, 0.4], [0.3, 0.6, 0.5]];
+
+    #[test]
+    fn a_frame_shows_where_it_was_taken() {
+        let (mut field, frame) = (field(), wall(COLORS, 1.0));
+        assert_eq!(field.integrate(&frame, 1), Vec3::ONE, "there is nothing to compare with");
+        for (u, expected) in [(40, COLORS[0]), (120, COLORS[1])] {
+            let found = at(&field, &frame, u);
+            assert!((found - Vec3::from(expected)).abs().max_element() < 4e-3, "{u}: {found}");
+        }
+        let blocks = field.take_changed();
+        assert_eq!(blocks.len(), field.band.blocks());
+        assert!(field.take_changed().is_empty());
+    }
+
+    #[test]
+    fn exposure_is_taken_back_out() {
+        let mut field = field();
+        field.integrate(&wall(COLORS, 1.0), 1);
+        let dark = wall(COLORS, 0.8);
+        let gain = field.integrate(&dark, 2);
+        assert!((gain - 1.0 - 0.25 * GAIN_TRUST).abs().max_element() < 0.02, "{gain}");
+        let found = at(&field, &dark, 40);
+        assert!((found - Vec3::from(COLORS[0])).abs().max_element() < 0.02, "{found}");
+    }
+
+    #[test]
+    fn a_changed_surface_shows_within_a_bounded_number_of_frames() {
+        let (mut field, now) = (field(), wall([COLORS[1], COLORS[0]], 1.0));
+        for number in 1..40 {
+            field.integrate(&wall(COLORS, 1.0), number);
+        }
+        for number in 40..60 {
+            field.integrate(&now, number);
+        }
+        let found = at(&field, &now, 40);
+        assert!((found - Vec3::from(COLORS[1])).abs().max_element() < 0.05, "{found}");
+    }
+
+    #[test]
+    fn edges_and_frames_without_colour_leave_nothing() {
+        let mut field = field();
+        let mut step = wall(COLORS, 1.0);
+        step.depth.metres.iter_mut().skip(1).step_by(2).for_each(|z| *z = 3.0);
+        field.integrate(&step, 1);
+        assert_eq!(field.band.blocks(), 0);
+        step.color = None;
+        assert_eq!(field.integrate(&step, 2), Vec3::ONE);
+    }
+
+    #[test]
+    fn at_the_bound_colours_are_refused_and_counted() {
+        let mut field = ColorField::new(SCALE, 1);
+        field.band.limit(3);
+        field.integrate(&wall(COLORS, 1.0), 1);
+        assert_eq!(field.band.blocks(), 3);
+        assert!(field.band.take_refused() > 0);
+    }
+}
