@@ -9,7 +9,8 @@ use super::open::open_view;
 use crate::error::Result;
 use crate::eval::{Lpips, Report, Truth, evaluate, image_errors};
 use crate::map::{
-    MapView, RenderSettings, Renderer, SamplePosition, default_resolution_m, extract_mesh, query_pool,
+    MapView, RenderSettings, Renderer, SamplePosition, default_resolution_m, extract_mesh,
+    query_pool,
 };
 use crate::storage::write_file;
 

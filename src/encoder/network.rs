@@ -87,8 +87,7 @@ mod runtime {
                 let array = rten_tensor::Tensor::from_data(&shape, numbers);
                 values.push((*id, Value::from(array).into()));
             }
-            let options =
-                RunOptions { thread_pool: Some(self.threads.clone()), ..RunOptions::default() };
+            let options = RunOptions::default().with_thread_pool(Some(self.threads.clone()));
             let wrong = |e: String| Error::invalid(self.name.as_str(), e);
             let mut outputs = self
                 .model

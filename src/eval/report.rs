@@ -254,7 +254,9 @@ mod tests {
         assert_eq!(json, expected);
         images.lpips = Some(0.125);
         let table = report(images.clone()).to_string();
-        for line in ["PSNR, covered [dB]               36.50", "LPIPS                           0.1250"] {
+        for line in
+            ["PSNR, covered [dB]               36.50", "LPIPS                           0.1250"]
+        {
             assert!(table.lines().any(|l| l == line), "{line} in\n{table}");
         }
         assert_eq!(serde_json::to_value(images).expect("plain data")["lpips"], 0.125);

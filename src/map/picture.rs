@@ -247,9 +247,9 @@ mod tests {
         assert_eq!(numbers(Output::Depth), [1.2346, 0.0]);
         assert_eq!(numbers(Output::Unknown), [0.0, 1.0]);
         assert_eq!(encode(Output::Unknown, Encoding::U8), [0, 1]);
-        for (output, encoding) in Output::ALL.iter().flat_map(|o| {
-            [(*o, Encoding::F32), (*o, Encoding::U8)].into_iter()
-        }) {
+        for (output, encoding) in
+            Output::ALL.iter().flat_map(|o| [(*o, Encoding::F32), (*o, Encoding::U8)].into_iter())
+        {
             if encoding.check(output, "").is_ok() {
                 assert_eq!(encode(output, encoding).len(), encoding.bound(output, 2));
             }

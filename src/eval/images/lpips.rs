@@ -54,8 +54,7 @@ mod tests {
         let z = [0.0; 2];
         let (black, white) = ([0; 6], [255; 6]);
         let distance = |ours: &[u8], truth: &[u8]| {
-            let pair =
-                Pair { width: 2, height: 1, ours, depth_m: &z, truth, truth_depth_m: &z };
+            let pair = Pair { width: 2, height: 1, ours, depth_m: &z, truth, truth_depth_m: &z };
             lpips.distance(&pair).expect("it runs")
         };
         assert_eq!(distance(&white, &white), 0.0);

@@ -47,7 +47,8 @@ fn pair_errors(
     pool: &ThreadPool,
 ) -> Result<PairErrors> {
     let truth = data.load(index, true)?;
-    let missing = || Error::invalid("truth", format!("view {index} of {} has no colour", data.name()));
+    let missing =
+        || Error::invalid("truth", format!("view {index} of {} has no colour", data.name()));
     let colour = truth.color.as_ref().ok_or_else(missing)?;
     let camera =
         Camera { world_from_camera: truth.world_from_camera, intrinsics: truth.intrinsics };
@@ -55,7 +56,8 @@ fn pair_errors(
     let channels = Channels { color: true, depth: true, ..Channels::default() };
     let rendering = render(view, &camera, channels, settings, pool, &|| false)
         .ok_or_else(|| Error::Internal("a rendering was left, though nobody asked".into()))?;
-    let ours: Vec<[u8; 3]> = rendering.color.iter().map(|c| c.to_array().map(pixels::to_byte)).collect();
+    let ours: Vec<[u8; 3]> =
+        rendering.color.iter().map(|c| c.to_array().map(pixels::to_byte)).collect();
     let pair = Pair {
         width: rendering.width as usize,
         height: rendering.height as usize,
@@ -87,9 +89,10 @@ fn mean(errors: &[PairErrors], renderer: String) -> ImageErrors {
         depth_median_m: over(&|e| e.depth_median_m),
         coverage: over(&|e| e.coverage),
         renderer,
-        lpips: errors.iter().any(|e| e.lpips.is_some()).then(|| {
-            over(&|e| e.lpips.unwrap_or(f64::NAN))
-        }),
+        lpips: errors
+            .iter()
+            .any(|e| e.lpips.is_some())
+            .then(|| over(&|e| e.lpips.unwrap_or(f64::NAN))),
     }
 }
 

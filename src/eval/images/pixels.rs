@@ -120,7 +120,9 @@ mod tests {
         ours[9] = 112;
         let found = errors(&ours, &[1.0, 0.0, 3.0, 4.5], &[1.25, 2.0, 0.0, 4.0]);
         assert!((found.coverage - 2.0 / 3.0).abs() < 1e-12);
-        assert!((found.depth_l1_m - 0.375).abs() < 1e-7 && (found.depth_median_m - 0.375).abs() < 1e-7);
+        assert!(
+            (found.depth_l1_m - 0.375).abs() < 1e-7 && (found.depth_median_m - 0.375).abs() < 1e-7
+        );
         // One channel of six is off by 12.
         let covered = -10.0 * (144.0f64 / 6.0 / 65025.0).log10();
         assert!((found.psnr_covered - covered).abs() < 1e-9, "{found:?}");

@@ -40,8 +40,7 @@ fn plane_ssim(a: &[f64], b: &[f64], width: usize, height: usize) -> f64 {
         let (ma, mb) = (mean_a[i], mean_b[i]);
         let (va, vb) = (square_a[i] - ma * ma, square_b[i] - mb * mb);
         let covariance = product[i] - ma * mb;
-        (2.0 * ma * mb + C1) * (2.0 * covariance + C2)
-            / ((ma * ma + mb * mb + C1) * (va + vb + C2))
+        (2.0 * ma * mb + C1) * (2.0 * covariance + C2) / ((ma * ma + mb * mb + C1) * (va + vb + C2))
     };
     (0..windows).map(at).sum::<f64>() / windows as f64
 }
@@ -127,8 +126,7 @@ mod tests {
                 let va = mean(&|a, _| (a - ma) * (a - ma));
                 let vb = mean(&|_, b| (b - mb) * (b - mb));
                 let c = mean(&|a, b| (a - ma) * (b - mb));
-                (2.0 * ma * mb + C1) * (2.0 * c + C2)
-                    / ((ma * ma + mb * mb + C1) * (va + vb + C2))
+                (2.0 * ma * mb + C1) * (2.0 * c + C2) / ((ma * ma + mb * mb + C1) * (va + vb + C2))
             })
             .sum();
         assert!((ssim(&a, &b, 11, 11) - expected / 3.0).abs() < 1e-9);
