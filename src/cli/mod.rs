@@ -14,6 +14,7 @@ pub mod map;
 pub mod mesh;
 mod open;
 pub mod query;
+pub mod render;
 pub mod serve;
 pub mod slice;
 pub mod stream;
@@ -41,6 +42,7 @@ enum Command {
     Query(query::QueryArgs),
     Slice(slice::SliceArgs),
     Mesh(mesh::MeshArgs),
+    Render(render::RenderArgs),
     Bench(bench::BenchArgs),
     Doctor(doctor::DoctorArgs),
 }
@@ -69,6 +71,7 @@ pub fn run() -> ExitCode {
         Command::Query(arguments) => arguments.run(),
         Command::Slice(arguments) => arguments.run(),
         Command::Mesh(arguments) => arguments.run(),
+        Command::Render(arguments) => arguments.run(),
         Command::Bench(arguments) => arguments.run(),
         Command::Doctor(arguments) => arguments.run(),
     };

@@ -218,7 +218,7 @@ mod tests {
             Result<Frame<Bytes>, Infallible>,
         >());
         let memory = Arc::new(Semaphore::new(1));
-        let refusal = receive::<u8>(Body::new(silent), 100, &limits, &memory).await;
+        let refusal = receive::<u8>(Body::new(silent), most(), &limits, &memory).await;
         assert!(format!("{:?}", refusal.expect_err("silent")).contains("1ms"));
     }
 }

@@ -191,7 +191,8 @@ fn question(
         Some(ImageOutput::Opacity) => Output::Opacity,
         Some(ImageOutput::Unknown) => Output::Unknown,
     };
-    let encoding = encoding(headers, request.encoding, request.jpeg_quality)?;
+    let encoding = encoding(headers, output, request.encoding)?;
+    let encoding = with_quality(encoding, request.jpeg_quality)?;
     encoding.check(output, "encoding")?;
     Ok(ImageQuestion {
         map_id,
@@ -205,22 +206,27 @@ fn question(
     })
 }
 
-/// What the body asks for, or else what `accept` likes best.
+/// What the body asks for, or else what `accept` likes best of what the output has.
 fn encoding(
     headers: &HeaderMap,
+    output: Output,
     asked: Option<ImageEncoding>,
-    quality: Option<u64>,
 ) -> Result<Encoding, Refusal> {
-    let encoding = match asked {
+    Ok(match asked {
         Some(ImageEncoding::Png) => Encoding::Png,
         Some(ImageEncoding::Jpeg) => Encoding::JPEG,
         Some(ImageEncoding::F32) => Encoding::F32,
         Some(ImageEncoding::U8) => Encoding::U8,
         None => {
-            let all = [Encoding::Png, Encoding::JPEG, Encoding::F32];
-            all[Media::best(headers, &all.map(media_type))?]
+            let mut all = vec![Encoding::Png, Encoding::JPEG, Encoding::F32];
+            all.retain(|encoding| encoding.check(output, "").is_ok());
+            let types: Vec<&str> = all.iter().map(|encoding| media_type(*encoding)).collect();
+            all[Media::best(headers, &types)?]
         }
-    };
+    })
+}
+
+fn with_quality(encoding: Encoding, quality: Option<u64>) -> Result<Encoding, Refusal> {
     let Some(quality) = quality else { return Ok(encoding) };
     let wrong = |problem: String| Err(Error::invalid("jpeg_quality", problem).into());
     match (encoding, u8::try_from(quality)) {
@@ -277,6 +283,9 @@ mod tests {
         assert_eq!(encoding("image/jpeg;q=0.5, image/png;q=0.4", ""), Some(Encoding::JPEG));
         assert_eq!(encoding("application/octet-stream", ""), Some(Encoding::F32));
         assert_eq!(encoding("text/html", ""), None);
+        assert_eq!(encoding("image/jpeg", r#","output":"depth""#), None);
+        let either = encoding("image/jpeg, image/*;q=0.1", r#","output":"depth""#);
+        assert_eq!(either, Some(Encoding::Png), "depth has no JPEG");
         assert_eq!(encoding("text/html", r#","encoding":"u8""#), Some(Encoding::U8));
         let fifty = Some(Encoding::Jpeg { quality: 50 });
         assert_eq!(encoding("image/jpeg", r#","jpeg_quality":50"#), fifty);
