@@ -13,6 +13,7 @@ mod mapping;
 mod printer;
 mod query;
 mod recording;
+mod render;
 mod serve;
 
 use std::io::{Write, stdout};
@@ -37,6 +38,7 @@ enum Bench {
     Map(mapping::MappingArgs),
     Corridor(corridor::CorridorArgs),
     Query(query::QueryBenchArgs),
+    Render(render::RenderBenchArgs),
     Serve(serve::ServeBenchArgs),
     Ablation(ablation::AblationArgs),
 }
@@ -56,6 +58,7 @@ impl Bench {
             Self::Map(_) => "map",
             Self::Corridor(_) => "corridor",
             Self::Query(_) => "query",
+            Self::Render(_) => "render",
             Self::Serve(_) => "serve",
             Self::Ablation(_) => "ablation",
         }
@@ -67,6 +70,7 @@ impl Bench {
             Self::Map(arguments) => arguments.run(out),
             Self::Corridor(arguments) => arguments.run(out),
             Self::Query(arguments) => arguments.run(out),
+            Self::Render(arguments) => arguments.run(out),
             Self::Serve(arguments) => arguments.run(out),
             Self::Ablation(arguments) => arguments.run(out),
         }
@@ -150,7 +154,7 @@ mod tests {
         list(&mut text, false).expect("listed");
         let text = String::from_utf8(text).expect("text");
         let names: Vec<&str> = text.lines().filter_map(|l| l.split_whitespace().next()).collect();
-        assert_eq!(names, ["geometry", "map", "corridor", "query", "serve", "ablation"]);
+        assert_eq!(names, ["geometry", "map", "corridor", "query", "render", "serve", "ablation"]);
         assert!(text.lines().all(|line| line.len() > 30), "each with what it measures: {text}");
     }
 
@@ -173,6 +177,21 @@ mod tests {
         assert_eq!(values(&objects, "points_per_second").len(), 8);
         assert_eq!(values(&objects, "points_per_processor_second").len(), 8);
         assert_eq!(values(&objects, "lite_against_full").len(), 2);
+    }
+
+    #[test]
+    fn a_small_room_is_drawn_by_both_renderers() {
+        let objects =
+            objects("bench render --frames 8 --width 48 --views 2 --rounds 1 --size 32x24");
+        have_the_shape(&objects, "render");
+        assert_eq!(values(&objects, "image_time").len(), 2, "one a renderer");
+        assert_eq!(values(&objects, "depth_l1").len(), 2);
+        assert_eq!(values(&objects, "psnr_against_ray").len(), 1);
+        for line in
+            ["bench render --size 32", "bench render --size 0x9", "bench render --size 9x9x"]
+        {
+            assert!(parse(line).is_err(), "{line}");
+        }
     }
 
     #[test]

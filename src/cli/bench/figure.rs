@@ -22,6 +22,9 @@ pub(super) enum Unit {
     /// A ratio of two values.
     #[serde(rename = "times")]
     Times,
+    /// Of a peak signal-to-noise ratio.
+    #[serde(rename = "dB")]
+    Decibels,
     #[serde(rename = "bytes")]
     Bytes,
     #[serde(rename = "count")]
@@ -43,6 +46,7 @@ impl Unit {
             Self::FramesPerSecond => format!("{value:.1} frames/s"),
             Self::PointsPerSecond => format!("{:.2} M points/s", value * 1e-6),
             Self::Times => format!("{value:.2} times"),
+            Self::Decibels => format!("{value:.1} dB"),
             Self::Bytes => format!("{:.1} MB", value * 1e-6),
             Self::Count => format!("{value:.0}"),
         }

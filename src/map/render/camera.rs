@@ -99,7 +99,8 @@ mod tests {
     #[test]
     fn cameras_are_checked_by_field() {
         camera().check().expect("good");
-        let wrong: [(&str, fn(&mut Camera)); 10] = [
+        type Spoil = fn(&mut Camera);
+        let wrong: [(&str, Spoil); 10] = [
             ("world_from_camera.translation", |c| c.world_from_camera.translation.x = f64::NAN),
             ("world_from_camera.translation", |c| {
                 c.world_from_camera.translation = DVec3::splat(2e4);

@@ -5,9 +5,13 @@ use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use super::{Channels, Job, Rendering};
+use crate::map::view::Store;
 
 /// Side of a patch, pixels.
 pub(super) const SIDE: u32 = 16;
+
+/// How far from a voxel's border a colour is read, in edges of the voxel.
+const RIM: f32 = 1e-4;
 
 /// A patch's place in the image, pixels; smaller than [`SIDE`] at the right and the lower border.
 #[derive(Debug, Clone, Copy)]
@@ -49,6 +53,40 @@ impl Patch {
             opacity: vec![0.0; wanted(channels.opacity)],
             unknown: vec![1; wanted(channels.unknown)],
         }
+    }
+}
+
+/// What colours a pixel's ray met.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Paint {
+    sum: Vec3,
+    weight: f32,
+}
+
+impl Paint {
+    /// Adds the colour at a point of a voxel from `low_m` on, if it has one there.
+    pub(super) fn add(
+        &mut self,
+        store: &Store,
+        node: u32,
+        voxel: (Vec3, f32),
+        at: Vec3,
+        weight: f32,
+    ) {
+        let (low_m, size_m) = voxel;
+        // A point on the voxel's border is its own, whatever rounding says: blocks of colour are
+        // found by voxel.
+        let rim = Vec3::splat(RIM * size_m);
+        let inside = at.clamp(low_m + rim, low_m + size_m - rim);
+        if let Some(color) = store.color(node, inside) {
+            self.sum += color * weight;
+            self.weight += weight;
+        }
+    }
+
+    /// The colour of a pixel, if its ray lost more than half of its light.
+    pub(super) fn color(self, opacity: f32) -> Vec3 {
+        if opacity > 0.5 && self.weight > 0.0 { self.sum / self.weight } else { Vec3::ZERO }
     }
 }
 

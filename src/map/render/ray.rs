@@ -6,7 +6,7 @@
 use glam::Vec3;
 
 use super::density::{FAR, LEAST_LIGHT, middle, passes, place_of};
-use super::patch::{Area, Patch};
+use super::patch::{Area, Paint, Patch};
 use super::unknown::Outlook;
 use super::{Job, RenderSettings, SamplePosition};
 use crate::map::view::Store;
@@ -176,6 +176,10 @@ impl<'a> Round<'a> {
         (1u64 << segment.log2_size) as f32 * self.store.unit_m
     }
 
+    fn low_m(&self, segment: &Segment) -> Vec3 {
+        Vec3::from(segment.low.map(|c| c as f32)) * self.store.unit_m
+    }
+
     /// Whether a voxel may have a part of the surface, or is so near that it takes light.
     fn takes_light(&self, segment: &Segment) -> bool {
         if segment.log2_size > self.surface {
@@ -193,8 +197,7 @@ impl<'a> Round<'a> {
     }
 
     fn sample(&self, direction: Vec3, segment: &Segment, t: f32) -> Sample {
-        let low = Vec3::from(segment.low.map(|c| c as f32)) * self.store.unit_m;
-        let offset_m = (self.job.rays.eye + direction * t - low).to_array();
+        let offset_m = (self.job.rays.eye + direction * t - self.low_m(segment)).to_array();
         Sample { node: segment.node, place: Place { offset_m, size_m: self.size_m(segment) } }
     }
 
@@ -241,6 +244,18 @@ impl<'a> Round<'a> {
             }
             if let Some(unknown) = patch.unknown.get_mut(pixel) {
                 *unknown = u8::from(walks[pixel].outlook.left);
+            }
+        }
+        if !patch.color.is_empty() {
+            let mut paints = vec![Paint::default(); walks.len()];
+            for share in shares {
+                let pixel = usize::from(share.pixel);
+                let at = self.job.rays.eye + walks[pixel].direction * share.t;
+                let voxel = (self.low_m(&share.segment), self.size_m(&share.segment));
+                paints[pixel].add(self.store, share.segment.node, voxel, at, share.weight);
+            }
+            for ((color, paint), walk) in patch.color.iter_mut().zip(paints).zip(walks) {
+                *color = paint.color(1.0 - walk.light);
             }
         }
         if patch.normal.is_empty() {

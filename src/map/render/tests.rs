@@ -11,7 +11,7 @@ use crate::map::pages::PageTable;
 use crate::map::query_pool;
 use crate::map::view::{BrickPage, NODES, Node, ROWS, Store};
 use crate::modality::{Decoders, Row, occupancy, sdf};
-use crate::octree::{Explicit, NO_NODE, NO_ROW, NodeSource, Topology, cell_of};
+use crate::octree::{Explicit, NO_BLOCK, NO_NODE, NO_ROW, NodeSource, Topology, cell_of};
 
 const R0_M: f32 = 0.1;
 
@@ -31,14 +31,9 @@ fn view_of(half_m: f32, field: impl Fn(Vec3) -> Explicit) -> MapView {
             }
         }
     }
-    let mut store = Store {
-        root: topology.root(),
-        unit_m: R0_M,
-        cell_m: R0_M,
-        bounds: None,
-        node_slots: topology.node_slots(),
-        ..Store::default()
-    };
+    let mut store = Store::new(&config);
+    store.root = topology.root();
+    store.node_slots = topology.node_slots();
     store.nodes.grow(topology.node_slots().div_ceil(NODES));
     for node in 0..topology.node_slots() {
         let page = store.nodes.write(node / NODES);
@@ -48,6 +43,7 @@ fn view_of(half_m: f32, field: impl Fn(Vec3) -> Explicit) -> MapView {
         page.nodes[node % NODES] = Node {
             corners,
             brick: if corners[0] == NO_ROW { NO_NODE } else { 0 },
+            block: NO_BLOCK,
             low: topology.low_corner(id),
             log2_size: topology.log2_size(id),
         };

@@ -1,0 +1,251 @@
+//! `orenx bench render`: images of a mapped room, how fast and how true.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::Arc;
+
+use anyhow::Context;
+use clap::Args;
+use glam::Vec3;
+use image::RgbImage;
+use rayon::ThreadPool;
+
+use super::clock::{Clock, Elapsed};
+use super::figure::{Figure, Target, Unit, median};
+use super::printer::Printer;
+use super::recording::Recording;
+use crate::config::{MapSettings, Profile, name_of};
+use crate::dataset::Dataset;
+use crate::dataset::synthetic::{self, Synthetic};
+use crate::frame::{ColorImage, DepthImage};
+use crate::geometry::Intrinsics;
+use crate::map::{
+    Camera, Channels, MAX_SIDE, MapView, RenderSettings, Renderer, Rendering, query_pool, render,
+};
+
+/// Images of the synthetic room: time by tiles and by rays, error against the truth
+#[derive(Debug, Args)]
+pub(super) struct RenderBenchArgs {
+    /// Frames of the synthetic room that is mapped
+    #[arg(long, value_name = "N", default_value_t = 150)]
+    frames: usize,
+    /// Width of its images, pixels
+    #[arg(long, value_name = "PIXELS", default_value_t = 640, value_parser = clap::value_parser!(u32).range(8..=4096))]
+    width: u32,
+    /// Views that are drawn, from between the frames
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    views: u32,
+    /// Sizes of the images, separated by commas
+    #[arg(long, value_name = "WxH,WxH", value_delimiter = ',', default_value = "640x480,1200x680")]
+    size: Vec<Size>,
+    /// Threads that draw
+    #[arg(long, value_name = "N", default_value_t = 2)]
+    threads: usize,
+    /// How often each view is drawn, in turn
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    rounds: u32,
+    /// Write the images of the first size to this folder, the truth beside them
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
+}
+
+const RENDERERS: [Renderer; 2] = [Renderer::Tile, Renderer::Ray];
+/// The size that the targets are about.
+const JUDGED: Size = Size { width: 640, height: 480 };
+const TIME: Target = Target::at_most(150.0);
+const ALIKE: Target = Target::at_least(35.0);
+const DEPTH: Target = Target::at_most(0.006).aiming_at(0.0035);
+/// What is timed: colour and depth.
+const TIMED: Channels =
+    Channels { color: true, depth: true, normal: false, opacity: false, unknown: false };
+
+/// Sides of an image, pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Size {
+    width: u32,
+    height: u32,
+}
+
+impl FromStr for Size {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
+        let size = text.split_once('x').and_then(|(w, h)| Some((side(w)?, side(h)?)));
+        let (width, height) =
+            size.ok_or_else(|| format!("'{text}' is no WIDTHxHEIGHT of 1..={MAX_SIDE} pixels"))?;
+        Ok(Self { width, height })
+    }
+}
+
+/// A view of the room as it is.
+struct Truth {
+    camera: Camera,
+    depth: DepthImage,
+    color: ColorImage,
+}
+
+/// What one renderer did at one size.
+struct Case {
+    renderer: Renderer,
+    images: Vec<Rendering>,
+    /// One a round and view.
+    took: Vec<Elapsed>,
+}
+
+impl RenderBenchArgs {
+    pub(super) fn run(&self, out: &mut Printer) -> anyhow::Result<()> {
+        let view = self.view()?;
+        let pool = query_pool(self.threads)?;
+        for (i, size) in self.size.iter().enumerate() {
+            let truths = self.truths(*size);
+            let mut cases = RENDERERS.map(|renderer| Case {
+                renderer,
+                images: truths
+                    .iter()
+                    .map(|t| draw(&view, t, renderer, Channels::ALL, &pool))
+                    .collect(),
+                took: Vec::new(),
+            });
+            for _ in 0..self.rounds {
+                for truth in &truths {
+                    for case in &mut cases {
+                        let clock = Clock::start();
+                        std::hint::black_box(draw(&view, truth, case.renderer, TIMED, &pool));
+                        case.took.push(clock.elapsed());
+                    }
+                }
+            }
+            if let Some(folder) = self.pictures.as_ref().filter(|_| i == 0) {
+                paint(folder, &truths, &cases)?;
+            }
+            let judged = *size == JUDGED;
+            let name = format!("{}x{}, {} threads", size.width, size.height, self.threads);
+            for case in &cases {
+                out.figures(case.figures(&name, &truths, judged))?;
+            }
+            let alike: Vec<f64> = cases[0]
+                .images
+                .iter()
+                .zip(&cases[1].images)
+                .map(|(tile, ray)| psnr(&tile.color, |i| Some(ray.color[i])))
+                .collect();
+            let tile = format!("{name}, {}", name_of(Renderer::Tile));
+            out.figures([Figure::new(&tile, "psnr_against_ray", mean(&alike), Unit::Decibels)
+                .against(judged.then_some(ALIKE))])?;
+        }
+        Ok(())
+    }
+
+    /// The room, mapped.
+    fn view(&self) -> anyhow::Result<Arc<MapView>> {
+        let data = Box::new(Synthetic::room(self.frames).with_width(self.width));
+        let indices = (0..data.len()).collect();
+        let settings = MapSettings { profile: Profile::Lite, ..MapSettings::default() };
+        let (mut mapper, _) = Recording { data, indices }.map(&settings, None)?;
+        Ok(mapper.publish_all()?)
+    }
+
+    /// Views from halfway between two frames.
+    fn truths(&self, size: Size) -> Vec<Truth> {
+        let walk = Synthetic::room(2 * self.frames).with_width(size.width).with_height(size.height);
+        let renderer = synthetic::Renderer::default();
+        let views = self.views as usize;
+        let truth = |view: usize| {
+            let frame = 2 * (view * self.frames / views) + 1;
+            let (intrinsics, pose): (Intrinsics, _) = (walk.intrinsics(), walk.pose(frame));
+            let scene = walk.scene(frame);
+            let (depth, color) =
+                renderer.depth_and_color(scene, &intrinsics, &pose, walk.range_m());
+            Truth { camera: Camera { world_from_camera: pose, intrinsics }, depth, color }
+        };
+        (0..views).map(truth).collect()
+    }
+}
+
+fn draw(
+    view: &MapView,
+    truth: &Truth,
+    renderer: Renderer,
+    channels: Channels,
+    pool: &ThreadPool,
+) -> Rendering {
+    let settings = RenderSettings { renderer, ..RenderSettings::default() };
+    render(view, &truth.camera, channels, &settings, pool, &|| false).unwrap_or_default()
+}
+
+impl Case {
+    fn figures(&self, name: &str, truths: &[Truth], judged: bool) -> Vec<Figure> {
+        let case = format!("{name}, {}", name_of(self.renderer));
+        let figure = |measure, value, unit| Figure::new(&case, measure, value, unit);
+        let times = |of: fn(&Elapsed) -> f64| -> Vec<f64> {
+            self.took.iter().map(|took| of(took) * 1e3).collect()
+        };
+        let (mut depth, mut color, mut covered) = (Vec::new(), Vec::new(), Vec::new());
+        for (image, truth) in self.images.iter().zip(truths) {
+            let hit = |i: &usize| image.depth_m[*i] > 0.0 && truth.depth.metres[*i] > 0.0;
+            let hits: Vec<usize> = (0..image.depth_m.len()).filter(hit).collect();
+            let error = |i: &usize| f64::from((image.depth_m[*i] - truth.depth.metres[*i]).abs());
+            depth.push(mean(&hits.iter().map(error).collect::<Vec<_>>()));
+            covered.push(hits.len() as f64 / image.depth_m.len() as f64);
+            color.push(psnr(&image.color, |i| {
+                (image.depth_m[i] > 0.0).then(|| true_color(truth, i))
+            }));
+        }
+        let is_tile = judged && self.renderer == Renderer::Tile;
+        vec![
+            figure("image_time", median(&times(|t| t.wall_s)), Unit::Milliseconds)
+                .against(is_tile.then_some(TIME)),
+            figure("image_processor_time", median(&times(|t| t.processor_s)), Unit::Milliseconds),
+            figure("depth_l1", mean(&depth), Unit::Metres).against(judged.then_some(DEPTH)),
+            figure("psnr_of_covered", mean(&color), Unit::Decibels),
+            figure("covered", mean(&covered), Unit::Share),
+        ]
+    }
+}
+
+fn true_color(truth: &Truth, pixel: usize) -> Vec3 {
+    let rgb = &truth.color.rgb[3 * pixel..3 * pixel + 3];
+    Vec3::new(f32::from(rgb[0]), f32::from(rgb[1]), f32::from(rgb[2])) / 255.0
+}
+
+/// Peak signal-to-noise ratio over the pixels that `other` has, of colours within 0..=1.
+fn psnr(image: &[Vec3], other: impl Fn(usize) -> Option<Vec3>) -> f64 {
+    let errors: Vec<f64> = (0..image.len())
+        .filter_map(|i| other(i).map(|other| f64::from((image[i] - other).length_squared()) / 3.0))
+        .collect();
+    -10.0 * mean(&errors).log10()
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// Writes the truth and each renderer's colour, depth, normals and mask, a file each.
+fn paint(folder: &Path, truths: &[Truth], cases: &[Case]) -> anyhow::Result<()> {
+    std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
+    let save = |name: String, size: (u32, u32), pixel: &dyn Fn(usize) -> Vec3| {
+        let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
+        let image = RgbImage::from_fn(size.0, size.1, |u, v| {
+            image::Rgb(pixel((v * size.0 + u) as usize).to_array().map(byte))
+        });
+        let path = folder.join(name);
+        image.save(&path).with_context(|| path.display().to_string())
+    };
+    for (i, truth) in truths.iter().enumerate() {
+        let size = (truth.color.width, truth.color.height);
+        save(format!("{i}-true-color.png"), size, &|p| true_color(truth, p))?;
+        for case in cases {
+            let (name, image) = (name_of(case.renderer), &case.images[i]);
+            save(format!("{i}-{name}-color.png"), size, &|p| image.color[p])?;
+            save(format!("{i}-{name}-normal.png"), size, &|p| image.normal[p] * 0.5 + 0.5)?;
+            // Error of the depth, white at 2 cm; blue where the map knows nothing.
+            save(format!("{i}-{name}-depth-error.png"), size, &|p| {
+                let unknown = f32::from(image.unknown[p]);
+                let error = (image.depth_m[p] - truth.depth.metres[p]).abs() / 0.02;
+                Vec3::new(error, error, error.max(unknown))
+            })?;
+        }
+    }
+    Ok(())
+}
