@@ -19,7 +19,7 @@ pub(crate) fn mean_difference() -> Vec<u8> {
 /// `GraphProto.node`.
 fn node(operator: &str, inputs: &[&str], output: &str, attributes: &[u8]) -> Vec<u8> {
     let inputs: Vec<u8> = inputs.iter().flat_map(|name| text(1, name)).collect();
-    let named = [text(2, output), text(3, output), text(4, operator)].concat();
+    let named = [text(2, output), text(4, operator)].concat();
     part(1, &[&inputs[..], &named, attributes].concat())
 }
 
