@@ -94,6 +94,32 @@ pub(crate) trait Lanes:
     fn where_not_negative(self, gate: Self) -> Self;
     /// The sum over the lanes.
     fn sum(self) -> f32;
+    /// `self / b`.
+    fn divide(self, b: Self) -> Self;
+    /// The smaller of two that are numbers.
+    fn min(self, b: Self) -> Self;
+    /// The larger of two that are numbers.
+    fn max(self, b: Self) -> Self;
+    /// `a` where `self > 0`, else `b`.
+    fn choose(self, a: Self, b: Self) -> Self;
+    /// Whether any lane is > 0.
+    fn any_positive(self) -> bool;
+
+    /// e^x for |x| up to 40, off by at most one part in 10⁵.
+    #[inline(always)]
+    fn exp(self) -> Self {
+        // The Taylor series of e^(x / 64), squared six times.
+        let x = self * Self::splat(1.0 / 64.0);
+        let mut sum = Self::splat(1.0 / 40_320.0);
+        for factor in [1.0 / 5040.0, 1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0]
+        {
+            sum = sum.mul_add(x, Self::splat(factor));
+        }
+        for _ in 0..6 {
+            sum = sum * sum;
+        }
+        sum
+    }
 
     /// Eight rows of four numbers as four columns of eight.
     #[inline(always)]
@@ -277,6 +303,31 @@ impl Lanes for Four {
     fn sum(self) -> f32 {
         (self.0[0] + self.0[2]) + (self.0[1] + self.0[3])
     }
+
+    #[inline(always)]
+    fn divide(self, b: Self) -> Self {
+        self.zip(b, |x, y| x / y)
+    }
+
+    #[inline(always)]
+    fn min(self, b: Self) -> Self {
+        self.zip(b, |x, y| if x < y { x } else { y })
+    }
+
+    #[inline(always)]
+    fn max(self, b: Self) -> Self {
+        self.zip(b, |x, y| if x > y { x } else { y })
+    }
+
+    #[inline(always)]
+    fn choose(self, a: Self, b: Self) -> Self {
+        Self(std::array::from_fn(|i| if self.0[i] > 0.0 { a.0[i] } else { b.0[i] }))
+    }
+
+    #[inline(always)]
+    fn any_positive(self) -> bool {
+        (self.0[0] > 0.0) | (self.0[1] > 0.0) | (self.0[2] > 0.0) | (self.0[3] > 0.0)
+    }
 }
 
 /// Asks for the cache line at `at`, which will be read soon; only a hint.
@@ -306,8 +357,9 @@ mod tests {
             let a: Vec<f32> = (0..16).map(|i| i as f32 - 7.0).collect();
             let b: Vec<f32> = (0..16).map(|i| ((i * 5) % 16) as f32 - 8.0).collect();
             let halves: Vec<Half> = b.iter().map(|b| Half::nearest(0.3 * b)).collect();
-            let mut out = vec![f32::NAN; 16 * 8];
+            let mut out = vec![f32::NAN; 16 * 12];
             let mut sum = 0.0;
+            let (mut any, mut none) = (false, false);
             for at in (0..16).step_by(L::N) {
                 let (x, y) = (L::load(&a, at), L::load(&b, at));
                 (x + y).store(&mut out, at);
@@ -318,9 +370,17 @@ mod tests {
                 y.where_positive(x).store(&mut out, 80 + at);
                 y.where_not_negative(x).store(&mut out, 96 + at);
                 L::load_halves(&halves, at).store(&mut out, 112 + at);
+                x.divide(y + L::splat(0.5)).store(&mut out, 128 + at);
+                x.min(y).store(&mut out, 144 + at);
+                x.max(y).store(&mut out, 160 + at);
+                x.choose(y, L::splat(0.25)).store(&mut out, 176 + at);
+                // Of all lanes the last alone, and none.
+                any |= (x - L::splat(7.5)).any_positive();
+                none |= (x - L::splat(8.0)).any_positive();
                 sum += (x * y).sum();
             }
             out.push(sum);
+            out.extend([any, none].map(|any| f32::from(u8::from(any))));
             let rows: [[f32; 4]; 8] = std::array::from_fn(|k| [a[k], b[k], a[k + 8], b[k + 8]]);
             out.extend(L::columns(rows.each_ref()).as_flattened());
             out
@@ -347,11 +407,38 @@ mod tests {
         assert_eq!(Half::nearest(1.0 + 1.0 / 256.0).widen(), 1.0, "the even one of two");
     }
 
+    struct Exponentials(Vec<f32>);
+
+    impl Kernel for Exponentials {
+        type Output = Vec<f32>;
+
+        #[inline(always)]
+        fn run<L: Lanes>(mut self) -> Vec<f32> {
+            for at in (0..self.0.len()).step_by(L::N) {
+                L::load(&self.0, at).exp().store(&mut self.0, at);
+            }
+            self.0
+        }
+    }
+
+    #[test]
+    fn exponentials_are_close() {
+        let xs: Vec<f32> = (-400..400).map(|i| 0.1 * i as f32).collect();
+        for set in InstructionSet::available() {
+            for (x, found) in xs.iter().zip(set.run(Exponentials(xs.clone()))) {
+                let expected = f64::from(*x).exp();
+                let error = f64::from(found) / expected - 1.0;
+                assert!(error.abs() < 1e-5, "{set:?}, {x}: {error}");
+            }
+        }
+    }
+
     #[test]
     fn every_set_computes_the_same() {
         let expected = InstructionSet::Portable.run(EveryOperation);
         assert!(expected.iter().all(|x| x.is_finite()));
-        assert_eq!(expected[16 * 8 + 1 + 8 * 3 + 2], -6.0, "b[10]");
+        assert_eq!(expected[16 * 12 + 3 + 8 * 3 + 2], -6.0, "b[10]");
+        assert_eq!(expected[16 * 12 + 1..][..2], [1.0, 0.0], "any, and none: 0 is not positive");
         assert_eq!(expected[80 + 7], 0.0, "a gate of exactly 0 is not positive");
         assert_ne!(expected[96 + 7], 0.0, "a gate of exactly 0 is not negative");
         for set in InstructionSet::available() {

@@ -9,7 +9,7 @@
 pub(super) const LEAST_LIGHT: f32 = 1e-4;
 
 /// Beyond this many 1/s, Φ is 0 or 1 for what an image can show, and its quotients stay finite.
-const REACH: f32 = 40.0;
+pub(super) const REACH: f32 = 40.0;
 
 /// Beyond this many 1/s in front of it, a surface takes less than 0.3 % of the light.
 pub(super) const FAR: f32 = 6.0;

@@ -8,10 +8,12 @@
 
 mod camera;
 mod density;
+mod near;
 mod patch;
 mod ray;
 #[cfg(test)]
 mod tests;
+mod tile;
 mod unknown;
 
 use glam::Vec3;
@@ -124,5 +126,8 @@ pub fn render(
     interrupted: &(dyn Fn() -> bool + Sync),
 ) -> Option<Rendering> {
     let job = Job { view, rays: camera.rays(), channels, settings: *settings };
-    patch::assemble(&job, pool, interrupted, &|area| ray::draw(&job, area))
+    match settings.renderer {
+        Renderer::Tile => tile::draw(&job, pool, interrupted),
+        Renderer::Ray => patch::assemble(&job, pool, interrupted, &|area| ray::draw(&job, area)),
+    }
 }

@@ -6,22 +6,17 @@
 use glam::Vec3;
 
 use super::density::{FAR, LEAST_LIGHT, middle, passes, place_of};
+use super::near::Near;
 use super::patch::{Area, Paint, Patch};
 use super::unknown::Outlook;
 use super::{Job, RenderSettings, SamplePosition};
 use crate::map::view::Store;
-use crate::modality::RowSource;
 use crate::modality::interpolation::Place;
 use crate::modality::read::{Sample, evaluate_samples};
-use crate::octree::{NodeSource, Segment, Traversal};
-use crate::surface::Lattice;
+use crate::octree::{Segment, Traversal};
 
 /// A voxel is passed in pieces of at most this share of its edge: the field bends within a voxel.
 const PIECE: f32 = 0.5;
-/// How far the nearest corner of a voxel may be from a point in it, in edges: √3 / 2.
-const HALF_DIAGONAL: f32 = 0.8661;
-/// What training may add to a corner's distance without the voxel being looked at again, m.
-const LEARNED_M: f32 = 0.02;
 /// A sample that takes less of the light is not looked up.
 const LEAST_WEIGHT: f32 = 1e-3;
 /// Steps of the search for a zero crossing.
@@ -100,8 +95,7 @@ impl<'a> Walk<'a> {
 struct Round<'a> {
     job: &'a Job<'a>,
     store: &'a Store,
-    /// log2 of the largest voxels that take light.
-    surface: u8,
+    near: Near<'a>,
     /// What is asked in a round, and the answers.
     samples: Vec<Sample>,
     distances: Vec<f32>,
@@ -109,9 +103,8 @@ struct Round<'a> {
 
 impl<'a> Round<'a> {
     fn new(job: &'a Job<'a>) -> Self {
-        let surface = Lattice::new(&job.view.config).surface();
-        let store = &job.view.store;
-        Self { job, store, surface, samples: Vec::new(), distances: Vec::new() }
+        let near = Near::new(job.view, job.settings.sharpness);
+        Self { job, store: near.store, near, samples: Vec::new(), distances: Vec::new() }
     }
 
     /// Takes every ray one piece further; false if none had any left.
@@ -154,11 +147,11 @@ impl<'a> Round<'a> {
                 walk.outlook.go((segment.t_in - walk.t.max(0.0)) * speed, false);
                 walk.outlook.pass(self.store, &segment, eye, walk.direction);
             }
-            if self.takes_light(&segment) {
+            if self.near.takes_light(segment.node, segment.log2_size) {
                 if segment.t_in != walk.segment.t_out || walk.f.is_nan() {
                     walk.f = f32::NAN;
                     walk.in_front = skipped.is_some_and(|last: Segment| {
-                        last.t_out == segment.t_in && self.is_free(&last)
+                        last.t_out == segment.t_in && self.near.is_free(last.node)
                     });
                 }
                 let size = self.size_m(&segment);
@@ -173,27 +166,11 @@ impl<'a> Round<'a> {
     }
 
     fn size_m(&self, segment: &Segment) -> f32 {
-        (1u64 << segment.log2_size) as f32 * self.store.unit_m
+        self.near.size_m(segment.log2_size)
     }
 
     fn low_m(&self, segment: &Segment) -> Vec3 {
         Vec3::from(segment.low.map(|c| c as f32)) * self.store.unit_m
-    }
-
-    /// Whether a voxel may have a part of the surface, or is so near that it takes light.
-    fn takes_light(&self, segment: &Segment) -> bool {
-        if segment.log2_size > self.surface {
-            return false;
-        }
-        let reach =
-            HALF_DIAGONAL * self.size_m(segment) + FAR / self.job.settings.sharpness + LEARNED_M;
-        let near = |&row: &u32| self.store.row(row).explicit[0].abs() <= reach;
-        self.store.corners(segment.node).iter().any(near)
-    }
-
-    fn is_free(&self, segment: &Segment) -> bool {
-        let free = |&row: &u32| self.store.row(row).explicit[0] > 0.0;
-        self.store.corners(segment.node).iter().all(free)
     }
 
     fn sample(&self, direction: Vec3, segment: &Segment, t: f32) -> Sample {

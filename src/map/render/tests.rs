@@ -153,7 +153,8 @@ fn a_ball_is_round() {
                 let expected = -b - root.sqrt();
                 let normal = (eye + direction * expected).normalize();
                 let error_m = (depth - expected) * direction.dot(normal);
-                assert!(error_m.abs() < 1.5e-3, "{renderer:?} {i}: {depth} {expected}");
+                // What interpolation in voxels of a seventh of the radius is off by.
+                assert!(error_m.abs() < 4.5e-3, "{renderer:?} {i}: {depth} {expected}");
                 assert!(found.dot(normal) > 0.999, "{renderer:?} {i}: {found} {normal}");
                 hits += 1;
             }
