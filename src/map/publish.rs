@@ -82,7 +82,7 @@ impl Mapper {
             let rows = block as usize * texels.len();
             for (texel, seen) in texels.iter_mut().zip(&color.seen()[rows..]) {
                 if seen.weight > 0.0 {
-                    *texel = Texel::new(radiance::logits(Vec3::from(seen.mean)));
+                    *texel = Texel::new(radiance::logits(Vec3::from(seen.color)));
                 }
             }
         });
