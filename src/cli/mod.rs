@@ -4,6 +4,7 @@
 //! stderr, in one line.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is the part that prints")]
 
+pub mod ablate;
 pub mod bench;
 pub mod demo;
 pub mod doctor;
@@ -44,6 +45,7 @@ enum Command {
     Mesh(mesh::MeshArgs),
     Render(render::RenderArgs),
     Bench(bench::BenchArgs),
+    Ablate(ablate::AblateArgs),
     Doctor(doctor::DoctorArgs),
 }
 
@@ -73,6 +75,7 @@ pub fn run() -> ExitCode {
         Command::Mesh(arguments) => arguments.run(),
         Command::Render(arguments) => arguments.run(),
         Command::Bench(arguments) => arguments.run(),
+        Command::Ablate(arguments) => arguments.run(),
         Command::Doctor(arguments) => arguments.run(),
     };
     match result {

@@ -68,8 +68,16 @@ async fn an_image_shows_what_the_camera_saw_there() {
         assert!(errors.len() * 10 > depth.len() * 8, "{} of {}", errors.len(), depth.len());
         assert!(errors[errors.len() / 2] < 0.05, "{renderer:?}: {}", errors[errors.len() / 2]);
         let true_color = &truth.color.as_ref().unwrap().rgb;
-        let off = color.iter().zip(true_color).map(|(c, t)| (c - f32::from(*t) / 255.0).abs());
-        let mean = off.sum::<f32>() / color.len() as f32;
+        // Four small images leave much of the room without a colour: black.
+        let colored = color.chunks_exact(3).zip(true_color.chunks_exact(3));
+        let off: Vec<f32> = colored
+            .filter(|(ours, _)| ours.iter().any(|c| *c > 0.0))
+            .flat_map(|(ours, truth)| {
+                ours.iter().zip(truth).map(|(c, t)| (c - f32::from(*t) / 255.0).abs())
+            })
+            .collect();
+        assert!(off.len() * 5 > color.len(), "{} of {} have a colour", off.len(), color.len());
+        let mean = off.iter().sum::<f32>() / off.len() as f32;
         assert!(mean < 0.1, "{renderer:?}: colours are off by {mean}");
         for at in 0..depth.len() {
             let length = normal[3 * at..3 * at + 3].iter().map(|n| n * n).sum::<f32>().sqrt();
