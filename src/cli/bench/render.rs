@@ -15,10 +15,9 @@ use super::figure::{Figure, Target, Unit, median};
 use super::printer::Printer;
 use super::recording::Recording;
 use crate::config::{MapSettings, Profile, name_of};
-use crate::dataset::Dataset;
 use crate::dataset::synthetic::{self, Synthetic};
+use crate::dataset::{self, Dataset, Format};
 use crate::frame::{ColorImage, DepthImage};
-use crate::geometry::Intrinsics;
 use crate::map::{
     Camera, Channels, MAX_SIDE, MapView, RenderSettings, Renderer, Rendering, query_pool, render,
 };
@@ -26,6 +25,12 @@ use crate::map::{
 /// Images of the synthetic room: time by tiles and by rays, error against the truth
 #[derive(Debug, Args)]
 pub(super) struct RenderBenchArgs {
+    /// Map this recording, and draw the views of its folder `novel`, instead of the synthetic room
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Profile of the map
+    #[arg(long, default_value = "lite")]
+    profile: Profile,
     /// Frames of the synthetic room that is mapped
     #[arg(long, value_name = "N", default_value_t = 150)]
     frames: usize,
@@ -55,9 +60,11 @@ const JUDGED: Size = Size { width: 640, height: 480 };
 const TIME: Target = Target::at_most(150.0);
 const ALIKE: Target = Target::at_least(35.0);
 const DEPTH: Target = Target::at_most(0.006).aiming_at(0.0035);
-/// What is timed: colour and depth.
-const TIMED: Channels =
-    Channels { color: true, depth: true, normal: false, opacity: false, unknown: false };
+/// What is timed.
+const TIMED: [Channels; 2] = [
+    Channels { color: true, depth: true, normal: false, opacity: false, unknown: false },
+    Channels::ALL,
+];
 
 /// Sides of an image, pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,60 +96,73 @@ struct Truth {
 struct Case {
     renderer: Renderer,
     images: Vec<Rendering>,
-    /// One a round and view.
-    took: Vec<Elapsed>,
+    /// One a round and view, for each of [`TIMED`].
+    took: [Vec<Elapsed>; 2],
 }
 
 impl RenderBenchArgs {
     pub(super) fn run(&self, out: &mut Printer) -> anyhow::Result<()> {
-        let view = self.view()?;
+        let (view, sets) = match &self.data {
+            Some(folder) => (self.view(self.recording(folder)?)?, vec![novel(folder, self.views)?]),
+            None => {
+                let data = Box::new(Synthetic::room(self.frames).with_width(self.width));
+                let indices = (0..data.len()).collect();
+                let sets = self.size.iter().map(|size| self.truths(*size)).collect();
+                (self.view(Recording { data, indices })?, sets)
+            }
+        };
         let pool = query_pool(self.threads)?;
-        for (i, size) in self.size.iter().enumerate() {
-            let truths = self.truths(*size);
-            let mut cases = RENDERERS.map(|renderer| Case {
-                renderer,
-                images: truths
-                    .iter()
-                    .map(|t| draw(&view, t, renderer, Channels::ALL, &pool))
-                    .collect(),
-                took: Vec::new(),
-            });
-            for _ in 0..self.rounds {
-                for truth in &truths {
-                    for case in &mut cases {
-                        let clock = Clock::start();
-                        std::hint::black_box(draw(&view, truth, case.renderer, TIMED, &pool));
-                        case.took.push(clock.elapsed());
-                    }
-                }
-            }
+        for (i, truths) in sets.iter().enumerate() {
+            let Some(first) = truths.first() else { continue };
+            let cases = self.measure(&view, truths, &pool);
             if let Some(folder) = self.pictures.as_ref().filter(|_| i == 0) {
-                paint(folder, &truths, &cases)?;
+                paint(folder, truths, &cases)?;
             }
-            let judged = *size == JUDGED;
-            let name = format!("{}x{}, {} threads", size.width, size.height, self.threads);
+            let k = &first.camera.intrinsics;
+            let judged = Size { width: k.width, height: k.height } == JUDGED;
+            let name = format!("{}x{}, {} threads", k.width, k.height, self.threads);
             for case in &cases {
-                out.figures(case.figures(&name, &truths, judged))?;
+                out.figures(case.figures(&name, truths, judged))?;
             }
-            let alike: Vec<f64> = cases[0]
-                .images
-                .iter()
-                .zip(&cases[1].images)
-                .map(|(tile, ray)| psnr(&tile.color, |i| Some(ray.color[i])))
-                .collect();
-            let tile = format!("{name}, {}", name_of(Renderer::Tile));
-            out.figures([Figure::new(&tile, "psnr_against_ray", mean(&alike), Unit::Decibels)
-                .against(judged.then_some(ALIKE))])?;
+            let [tile, ray] = &cases;
+            let alike =
+                |(tile, ray): (&Rendering, &Rendering)| psnr(&tile.color, |i| Some(ray.color[i]));
+            let alike: Vec<f64> = tile.images.iter().zip(&ray.images).map(alike).collect();
+            let name = format!("{name}, {}", name_of(Renderer::Tile));
+            let figure = Figure::new(&name, "psnr_against_ray", mean(&alike), Unit::Decibels);
+            out.figures([figure.against(judged.then_some(ALIKE))])?;
         }
         Ok(())
     }
 
-    /// The room, mapped.
-    fn view(&self) -> anyhow::Result<Arc<MapView>> {
-        let data = Box::new(Synthetic::room(self.frames).with_width(self.width));
+    /// Draws all views with both renderers, in turn.
+    fn measure(&self, view: &MapView, truths: &[Truth], pool: &ThreadPool) -> [Case; 2] {
+        let mut cases = RENDERERS.map(|renderer| Case {
+            renderer,
+            images: truths.iter().map(|t| draw(view, t, renderer, Channels::ALL, pool)).collect(),
+            took: [Vec::new(), Vec::new()],
+        });
+        for truth in (0..self.rounds).flat_map(|_| truths) {
+            for case in &mut cases {
+                for (channels, took) in TIMED.iter().zip(&mut case.took) {
+                    let clock = Clock::start();
+                    std::hint::black_box(draw(view, truth, case.renderer, *channels, pool));
+                    took.push(clock.elapsed());
+                }
+            }
+        }
+        cases
+    }
+
+    fn recording(&self, folder: &Path) -> anyhow::Result<Recording> {
+        let data = dataset::open(folder, Format::Auto)?;
         let indices = (0..data.len()).collect();
-        let settings = MapSettings { profile: Profile::Lite, ..MapSettings::default() };
-        let (mut mapper, _) = Recording { data, indices }.map(&settings, None)?;
+        Ok(Recording { data, indices })
+    }
+
+    fn view(&self, recording: Recording) -> anyhow::Result<Arc<MapView>> {
+        let settings = MapSettings { profile: self.profile, ..MapSettings::default() };
+        let (mut mapper, _) = recording.map(&settings, None)?;
         Ok(mapper.publish_all()?)
     }
 
@@ -153,7 +173,7 @@ impl RenderBenchArgs {
         let views = self.views as usize;
         let truth = |view: usize| {
             let frame = 2 * (view * self.frames / views) + 1;
-            let (intrinsics, pose): (Intrinsics, _) = (walk.intrinsics(), walk.pose(frame));
+            let (intrinsics, pose) = (walk.intrinsics(), walk.pose(frame));
             let scene = walk.scene(frame);
             let (depth, color) =
                 renderer.depth_and_color(scene, &intrinsics, &pose, walk.range_m());
@@ -161,6 +181,21 @@ impl RenderBenchArgs {
         };
         (0..views).map(truth).collect()
     }
+}
+
+/// Views that the recording was not made from, with what was seen there.
+fn novel(folder: &Path, views: u32) -> anyhow::Result<Vec<Truth>> {
+    let data = dataset::open(&folder.join("novel"), Format::Auto)?;
+    let step = data.len().div_ceil(views as usize).max(1);
+    let truth = |index| -> anyhow::Result<Truth> {
+        let frame = data.load(index, true)?;
+        let camera =
+            Camera { world_from_camera: frame.world_from_camera, intrinsics: frame.intrinsics };
+        camera.check()?;
+        let color = frame.color.context("novel views without colour")?;
+        Ok(Truth { camera, depth: frame.depth, color })
+    };
+    (0..data.len()).step_by(step).map(truth).collect()
 }
 
 fn draw(
@@ -178,8 +213,9 @@ impl Case {
     fn figures(&self, name: &str, truths: &[Truth], judged: bool) -> Vec<Figure> {
         let case = format!("{name}, {}", name_of(self.renderer));
         let figure = |measure, value, unit| Figure::new(&case, measure, value, unit);
-        let times = |of: fn(&Elapsed) -> f64| -> Vec<f64> {
-            self.took.iter().map(|took| of(took) * 1e3).collect()
+        let time = |channels: usize, of: fn(&Elapsed) -> f64| {
+            let times: Vec<f64> = self.took[channels].iter().map(|took| of(took) * 1e3).collect();
+            median(&times)
         };
         let (mut depth, mut color, mut covered) = (Vec::new(), Vec::new(), Vec::new());
         for (image, truth) in self.images.iter().zip(truths) {
@@ -194,9 +230,10 @@ impl Case {
         }
         let is_tile = judged && self.renderer == Renderer::Tile;
         vec![
-            figure("image_time", median(&times(|t| t.wall_s)), Unit::Milliseconds)
+            figure("image_time", time(0, |t| t.wall_s), Unit::Milliseconds)
                 .against(is_tile.then_some(TIME)),
-            figure("image_processor_time", median(&times(|t| t.processor_s)), Unit::Milliseconds),
+            figure("image_processor_time", time(0, |t| t.processor_s), Unit::Milliseconds),
+            figure("all_channels_processor_time", time(1, |t| t.processor_s), Unit::Milliseconds),
             figure("depth_l1", mean(&depth), Unit::Metres).against(judged.then_some(DEPTH)),
             figure("psnr_of_covered", mean(&color), Unit::Decibels),
             figure("covered", mean(&covered), Unit::Share),

@@ -6,12 +6,15 @@ use rayon::prelude::*;
 
 use super::{Channels, Job, Rendering};
 use crate::map::view::Store;
+use crate::octree::locate;
 
 /// Side of a patch, pixels.
 pub(super) const SIDE: u32 = 16;
 
 /// How far from a voxel's border a colour is read, in edges of the voxel.
 const RIM: f32 = 1e-4;
+/// How far along its ray a pixel looks for a colour, m.
+const BESIDE_M: f32 = 0.1;
 
 /// A patch's place in the image, pixels; smaller than [`SIDE`] at the right and the lower border.
 #[derive(Debug, Clone, Copy)]
@@ -56,6 +59,16 @@ impl Patch {
     }
 }
 
+/// A place on a ray, in a voxel.
+pub(super) struct Spot {
+    pub direction: Vec3,
+    pub t: f32,
+    pub node: u32,
+    /// Low corner and edge length of the voxel, m.
+    pub low_m: Vec3,
+    pub size_m: f32,
+}
+
 /// What colours a pixel's ray met.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Paint {
@@ -64,21 +77,15 @@ pub(super) struct Paint {
 }
 
 impl Paint {
-    /// Adds the colour at a point of a voxel from `low_m` on, if it has one there.
-    pub(super) fn add(
-        &mut self,
-        store: &Store,
-        node: u32,
-        voxel: (Vec3, f32),
-        at: Vec3,
-        weight: f32,
-    ) {
-        let (low_m, size_m) = voxel;
+    /// Adds the colour at a place of a ray from `eye`, if there is one.
+    pub(super) fn add(&mut self, store: &Store, eye: Vec3, spot: &Spot, weight: f32) {
         // A point on the voxel's border is its own, whatever rounding says: blocks of colour are
         // found by voxel.
-        let rim = Vec3::splat(RIM * size_m);
-        let inside = at.clamp(low_m + rim, low_m + size_m - rim);
-        if let Some(color) = store.color(node, inside) {
+        let rim = Vec3::splat(RIM * spot.size_m);
+        let at = eye + spot.direction * spot.t;
+        let inside = at.clamp(spot.low_m + rim, spot.low_m + spot.size_m - rim);
+        let color = store.color(spot.node, inside).or_else(|| beside(store, at, spot.direction));
+        if let Some(color) = color {
             self.sum += color * weight;
             self.weight += weight;
         }
@@ -88,6 +95,18 @@ impl Paint {
     pub(super) fn color(self, opacity: f32) -> Vec3 {
         if opacity > 0.5 && self.weight > 0.0 { self.sum / self.weight } else { Vec3::ZERO }
     }
+}
+
+/// The nearest colour along a ray: the surface of the map is not quite where frames saw it.
+#[cold]
+fn beside(store: &Store, at: Vec3, direction: Vec3) -> Option<Vec3> {
+    let step = direction.normalize_or_zero() * store.band.spacing_m();
+    let steps = (BESIDE_M / store.band.spacing_m()).ceil() as i32;
+    (1..=steps).flat_map(|n| [n, -n]).find_map(|n| {
+        let point = at + step * n as f32;
+        let voxel = locate(store, point)?;
+        store.color(voxel.node, point)
+    })
 }
 
 /// Draws all patches on `pool` and puts them together; `None` if interrupted.

@@ -7,7 +7,7 @@ use glam::Vec3;
 
 use super::density::{FAR, LEAST_LIGHT, middle, passes, place_of};
 use super::near::Near;
-use super::patch::{Area, Paint, Patch};
+use super::patch::{Area, Paint, Patch, Spot};
 use super::unknown::Outlook;
 use super::{Job, RenderSettings, SamplePosition};
 use crate::map::view::Store;
@@ -227,9 +227,14 @@ impl<'a> Round<'a> {
             let mut paints = vec![Paint::default(); walks.len()];
             for share in shares {
                 let pixel = usize::from(share.pixel);
-                let at = self.job.rays.eye + walks[pixel].direction * share.t;
-                let voxel = (self.low_m(&share.segment), self.size_m(&share.segment));
-                paints[pixel].add(self.store, share.segment.node, voxel, at, share.weight);
+                let spot = Spot {
+                    direction: walks[pixel].direction,
+                    t: share.t,
+                    node: share.segment.node,
+                    low_m: self.low_m(&share.segment),
+                    size_m: self.size_m(&share.segment),
+                };
+                paints[pixel].add(self.store, self.job.rays.eye, &spot, share.weight);
             }
             for ((color, paint), walk) in patch.color.iter_mut().zip(paints).zip(walks) {
                 *color = paint.color(1.0 - walk.light);

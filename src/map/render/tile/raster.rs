@@ -200,8 +200,8 @@ impl Tile<'_> {
         let passed = dimness(f_in, s).divide(dim).min(one) * dim.divide(dimness(f_out, s)).min(one);
         let after = takes.choose(light * passed, light);
         after.store(&mut self.cast.light.0, at);
-        let lost = light - after;
-        if (lost - L::splat(LEAST_WEIGHT)).any_positive() {
+        let shows = (light - after - L::splat(LEAST_WEIGHT)).max(falls_to_half(light, after));
+        if shows.any_positive() {
             let piece = Piece { t: [t_in, t_mid, t_out], f: [f_in, f_mid, f_out] };
             let (t, crosses) = piece.crossing(&field);
             self.record([t_in, t_out, f_in, f_out, t, crosses, light, after], id, at);
@@ -220,7 +220,7 @@ impl Tile<'_> {
         for i in 0..L::N {
             let weight = light[i] - after[i];
             let is_surface = light[i] > 0.5 && after[i] <= 0.5;
-            if weight <= LEAST_WEIGHT {
+            if weight <= LEAST_WEIGHT && !is_surface {
                 continue;
             }
             let settings = &self.settings;
@@ -245,6 +245,13 @@ impl Tile<'_> {
 fn dimness<L: Lanes>(f: L, sharpness: f32) -> L {
     let x = (f * L::splat(-sharpness)).min(L::splat(REACH)).max(L::splat(-REACH));
     x.exp() + L::splat(1.0)
+}
+
+/// > 0 where more than half of the light is left before, and not after.
+#[inline(always)]
+fn falls_to_half<L: Lanes>(before: L, after: L) -> L {
+    let half = L::splat(0.5);
+    (before - half).min(half - after + L::splat(f32::MIN_POSITIVE))
 }
 
 /// The distance in a cube along the rays of some pixels.

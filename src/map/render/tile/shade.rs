@@ -3,11 +3,14 @@
 use glam::Vec3;
 
 use super::super::Job;
-use super::super::patch::{Area, Paint, Patch, SIDE};
+use super::super::patch::{Area, Paint, Patch, SIDE, Spot};
 use super::super::unknown::Outlook;
 use super::cubes::Cube;
 use super::raster::Cast;
 use crate::octree::Traversal;
+
+/// Side of a block of pixels for which one ray looks out for unobserved space.
+const BLOCK: u32 = 4;
 
 /// Writes the columns that are wanted.
 pub(super) fn fill(job: &Job<'_>, area: Area, cubes: &[Cube], cast: &Cast, patch: &mut Patch) {
@@ -24,6 +27,8 @@ pub(super) fn fill(job: &Job<'_>, area: Area, cubes: &[Cube], cast: &Cast, patch
     for (i, opacity) in patch.opacity.iter_mut().enumerate() {
         *opacity = 1.0 - light(i);
     }
+    // Beyond every surface where there is none.
+    let mut hits = vec![f32::INFINITY; patch.unknown.len()];
     for share in cast.shares.iter().filter(|share| share.is_surface) {
         let (i, direction) = (place(share.pixel), direction(share.pixel));
         if let Some(depth) = patch.depth_m.get_mut(i) {
@@ -35,9 +40,12 @@ pub(super) fn fill(job: &Job<'_>, area: Area, cubes: &[Cube], cast: &Cast, patch
             let unit = gradient.normalize_or_zero();
             *normal = if unit.dot(direction) <= 0.0 { unit } else { -unit };
         }
-        if let Some(unknown) = patch.unknown.get_mut(i) {
-            *unknown = u8::from(leaves_observed_space(job, direction, share.t));
+        if !patch.unknown.is_empty() {
+            hits[i] = share.t;
         }
+    }
+    if !patch.unknown.is_empty() {
+        look_out(job, area, &hits, &mut patch.unknown);
     }
     if patch.color.is_empty() {
         return;
@@ -45,17 +53,40 @@ pub(super) fn fill(job: &Job<'_>, area: Area, cubes: &[Cube], cast: &Cast, patch
     let mut paints = vec![Paint::default(); area.pixels()];
     for share in &cast.shares {
         let cube = &cubes[share.cube as usize];
-        let at = job.rays.eye + direction(share.pixel) * share.t;
-        let voxel = (job.rays.eye + cube.host_low, cube.host_size);
-        paints[place(share.pixel)].add(&job.view.store, cube.node, voxel, at, share.weight);
+        let spot = Spot {
+            direction: direction(share.pixel),
+            t: share.t,
+            node: cube.node,
+            low_m: job.rays.eye + cube.host_low,
+            size_m: cube.host_size,
+        };
+        paints[place(share.pixel)].add(&job.view.store, job.rays.eye, &spot, share.weight);
     }
     for (i, (color, paint)) in patch.color.iter_mut().zip(paints).enumerate() {
         *color = paint.color(1.0 - light(i));
     }
 }
 
-/// Whether a ray leaves observed space before it meets a surface at `t`.
-fn leaves_observed_space(job: &Job<'_>, direction: Vec3, t: f32) -> bool {
+/// Sets `unknown` of what lies at `hits` beyond unobserved space. One ray looks out for a block of
+/// pixels: cells of evidence are larger than that in all but the farthest of an image.
+fn look_out(job: &Job<'_>, area: Area, hits: &[f32], unknown: &mut [u8]) {
+    let block = |side: u32| (0..side).step_by(BLOCK as usize);
+    for (top, left) in block(area.height).flat_map(|top| block(area.width).map(move |l| (top, l))) {
+        let (right, bottom) = ((left + BLOCK).min(area.width), (top + BLOCK).min(area.height));
+        let pixels = || {
+            (top..bottom).flat_map(|v| (left..right).map(move |u| (v * area.width + u) as usize))
+        };
+        let farthest = pixels().map(|i| hits[i]).filter(|t| t.is_finite()).fold(0.0, f32::max);
+        let (u, v) = (area.left + (left + right) / 2, area.top + (top + bottom) / 2);
+        let end = leaves_observed_space(job, job.rays.direction(u, v), farthest);
+        for i in pixels() {
+            unknown[i] = u8::from(hits[i] > end);
+        }
+    }
+}
+
+/// Where a ray has left observed space, if that is before `t`; else farther than any surface.
+fn leaves_observed_space(job: &Job<'_>, direction: Vec3, t: f32) -> f32 {
     let (store, eye) = (&job.view.store, job.rays.eye);
     let mut outlook = Outlook::default();
     let mut last = 0.0;
@@ -64,8 +95,8 @@ fn leaves_observed_space(job: &Job<'_>, direction: Vec3, t: f32) -> bool {
         outlook.pass(store, &segment, eye, direction);
         last = segment.t_out;
         if outlook.left {
-            return true;
+            return last;
         }
     }
-    false
+    f32::MAX
 }
