@@ -166,6 +166,32 @@ fn one_place_and_a_circle_are_drawn_with_the_outputs_that_were_asked_for() {
     assert_eq!(names(Path::new(&orbit)).len(), 6);
 }
 
+/// The recording of a folder, its unseen views, and nothing exact to judge distances by.
+#[test]
+fn an_ablation_is_a_report_with_plots() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    views(&folder.path().join("data"), &[0, 2, 4, 6, 8]);
+    views(&folder.path().join("data/novel"), &[3, 5]);
+    let (data, out) = (at("data"), at("report"));
+    done(&["ablate", "--data", &data, "--out", &out, "--steps", "0"]);
+    let files = names(Path::new(&out));
+    assert_eq!(files, ["modalities.svg", "renderer.svg", "report.html", "report.md", "sample.svg"]);
+    let report = fs::read_to_string(at("report/report.md")).unwrap();
+    for line in ["## Modalities", "## Where a ray takes its colour", "## What draws the images"] {
+        assert!(report.lines().any(|l| l == line), "{line} in {report}");
+    }
+    let row = |name: &str| report.lines().find(|l| l.starts_with(name)).unwrap().to_owned();
+    assert_eq!(row("| | PSNR"), "| | PSNR, dB | SSIM | depth L1, mm | coverage, % | images/s |");
+    for name in ["| SDF+OCC+Rad |", "| midpoint |", "| tile |"] {
+        assert!(row(name).matches('|').count() > 3, "{report}");
+    }
+    assert!(fs::read_to_string(at("report/report.html")).unwrap().contains("<svg"));
+    refused(&["ablate", "--data", &at("data/novel"), "--out", &at("none")], "novel/");
+    refused(&["ablate", "--data", &data, "--out", &out, "--topics", "smell"], "smell");
+    assert!(!folder.path().join("none").exists());
+}
+
 #[test]
 fn bad_arguments_are_named() {
     let mapped = Mapped::new(&["--modalities", "sdf,occupancy"]);

@@ -1,7 +1,8 @@
 //! Networks that others trained, from ONNX files.
 
 mod network;
-#[cfg(all(test, feature = "onnx"))]
+#[cfg(feature = "onnx")]
+#[cfg(test)]
 pub(crate) mod onnx_bytes;
 
 pub use network::{Network, Tensor};

@@ -128,7 +128,8 @@ mod runtime {
     }
 }
 
-#[cfg(all(test, feature = "onnx"))]
+#[cfg(feature = "onnx")]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::encoder::onnx_bytes::mean_difference;

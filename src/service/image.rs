@@ -112,7 +112,8 @@ mod tests {
     fn what_no_map_could_answer_is_refused_by_name() {
         question().check(800).expect("as large as it may be");
         let f32_color = ImageKind { output: Output::Color, encoding: Encoding::F32 };
-        let cases: [(&str, &str, fn(&mut ImageQuestion)); 6] = [
+        type Spoil = fn(&mut ImageQuestion);
+        let cases: [(&str, &str, Spoil); 6] = [
             ("intrinsics", "880 pixels; the limit is 800 (server.max_pixels)", |q| {
                 q.camera.intrinsics.height = 22;
             }),

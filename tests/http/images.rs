@@ -1,5 +1,7 @@
 //! Images over HTTP: those of gRPC to the byte, in the form that was asked for; and bad questions.
 
+use std::process::Command;
+
 use glam::DVec3;
 use orenx::client::{HttpClient, camera_json};
 use orenx::service::ImageQuestion;
@@ -80,12 +82,11 @@ async fn an_image_has_the_form_that_is_liked_best() {
     server.stop().await.0.unwrap();
 }
 
-#[tokio::test(flavor = "multi_thread")]
-async fn bad_questions_are_refused_by_name_and_counted() {
-    let server = start(|settings| settings.server.max_pixels = 64 * 48).await;
-    let good = camera_json(&camera(0));
-    type Spoil = fn(&mut Value);
-    let cases: [(Spoil, u16, &str, &[&str]); 14] = [
+/// What is wrong with a question, and status, field and words of its refusal.
+type Fault = (fn(&mut Value), u16, &'static str, &'static [&'static str]);
+
+fn faults() -> Vec<Fault> {
+    vec![
         (|q| q["world_from_camera"] = json!(null), 400, "world_from_camera", &["null"]),
         (
             |q| q["world_from_camera"]["translation"] = json!([0, 0]),
@@ -120,9 +121,15 @@ async fn bad_questions_are_refused_by_name_and_counted() {
         (|q| q["jpeg_quality"] = json!(80), 400, "jpeg_quality", &["80", "jpeg"]),
         (|q| q["radius"] = json!(1), 400, "radius", &["unknown field"]),
         (|q| q["min_epoch"] = json!(7), 409, "", &["min_epoch", "newest is 0"]),
-    ];
+    ]
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn bad_questions_are_refused_by_name_and_counted() {
+    let server = start(|settings| settings.server.max_pixels = 64 * 48).await;
+    let good = camera_json(&camera(0));
     let mut refused = 0.0;
-    for (spoil, status, field, words) in cases {
+    for (spoil, status, field, words) in faults() {
         let mut body = good.clone();
         spoil(&mut body);
         let reply = post_json(&server.http, RENDER, &body).await;
@@ -171,5 +178,29 @@ async fn a_deadline_that_passes_is_told_and_the_drawing_is_left() {
     assert!(message.contains("1ms"), "{message}");
     let reply = post_json(&server.http, RENDER, &camera_json(&camera(0))).await;
     assert_eq!(reply.status, 200);
+    server.stop().await.0.unwrap();
+}
+
+/// `orenx render URL`, over either transport, draws what the server knows.
+#[tokio::test(flavor = "multi_thread")]
+async fn the_command_line_draws_what_a_server_knows() {
+    let server = mapped().await;
+    let folder = tempfile::tempdir().unwrap();
+    let mut drawn = Vec::new();
+    for (name, url) in
+        [("http", format!("http://{}", server.http)), ("grpc", server.url.replace("http", "grpc"))]
+    {
+        let out = folder.path().join(name);
+        let mut command = Command::new(env!("CARGO_BIN_EXE_orenx"));
+        command.args(["render", &url, "--orbit", "2", "--size", "40x30", "--out"]).arg(&out);
+        let output = tokio::task::spawn_blocking(move || command.output().unwrap()).await.unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{url}: {stderr}");
+        let names = ["0.color", "0.depth", "1.color", "1.depth"];
+        drawn.push(names.map(|n| std::fs::read(out.join(format!("frame-00000{n}.png"))).unwrap()));
+    }
+    assert_eq!(drawn[0], drawn[1]);
+    let depth = image::load_from_memory(&drawn[0][1]).unwrap().into_luma16();
+    assert!(depth.pixels().any(|z| z.0[0] > 0), "the middle of the room is seen");
     server.stop().await.0.unwrap();
 }

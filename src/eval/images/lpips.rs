@@ -41,7 +41,8 @@ impl Lpips {
     }
 }
 
-#[cfg(all(test, feature = "onnx"))]
+#[cfg(feature = "onnx")]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::encoder::onnx_bytes::mean_difference;
