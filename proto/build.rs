@@ -3,11 +3,12 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-const FILES: [&str; 4] = [
+const FILES: [&str; 5] = [
     "orenx/v1/geometry.proto",
     "orenx/v1/ingest.proto",
     "orenx/v1/maps.proto",
     "orenx/v1/query.proto",
+    "orenx/v1/render.proto",
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {

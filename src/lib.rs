@@ -4,7 +4,8 @@
 //!
 //! - [`error`], [`geometry`], [`frame`], [`config`], [`threads`], [`numpy`]: errors, maths, the frame
 //!   and its checks, settings, urgency, array files
-//! - [`octree`], [`surface`], [`modality`], [`dataset`]: topology; surfels, prior, evidence; fields; readers
+//! - [`octree`], [`surface`], [`modality`], [`dataset`], [`encoder`]: topology; surfels, prior, evidence;
+//!   fields; readers; networks from files
 //! - [`train`], [`backend`]: what to train on, and what trains
 //! - [`map`]: a frame in, an epoch out; immutable views that answer questions
 //! - [`storage`], [`eval`], [`engine`]: checkpoints; the paper's tables; the mapper thread
@@ -18,6 +19,7 @@ pub mod cli;
 pub mod client;
 pub mod config;
 pub mod dataset;
+pub mod encoder;
 pub mod engine;
 pub mod error;
 pub mod eval;

@@ -4,9 +4,11 @@
 //! anywhere else.
 
 mod counters;
+mod image;
 mod maps;
 mod question;
 mod readers;
+mod studio;
 mod times;
 
 use std::path::PathBuf;
@@ -25,12 +27,15 @@ use crate::telemetry::Distribution;
 
 pub use counters::FrameCounts;
 use counters::{Counted, Counters};
+pub use image::{ImageKind, ImageQuestion, ImageReply, MAX_IMAGE_BYTES, MAX_IMAGES};
 pub use maps::{MapDetail, MapReport, MapSummary};
+use question::demand;
 pub use question::{
     MAP_FRAME, PointsQuestion, PointsReply, Unknown, UnknownPolicy, check_frame_id,
     check_unknown_distance, points_of,
 };
 use readers::Readers;
+use studio::Studio;
 use times::Times;
 pub use times::{Call, CallTimes};
 
@@ -43,9 +48,11 @@ const MAP_FILE: &str = "default.orenx";
 pub struct Service {
     mapper: Handle,
     readers: Readers,
+    studio: Studio,
     counters: Arc<Counters>,
     times: Times,
     max_points: usize,
+    max_pixels: usize,
 }
 
 impl Service {
@@ -72,9 +79,11 @@ impl Service {
         let service = Self {
             mapper: engine.handle(),
             readers: Readers::start(config.query_threads, config.max_points)?,
+            studio: Studio::start(config.query_threads)?,
             counters: Arc::default(),
             times: Times::default(),
             max_points: config.max_points,
+            max_pixels: config.max_pixels,
         };
         Ok((Arc::new(service), engine))
     }
@@ -124,7 +133,8 @@ impl Service {
         let Published { view, framed_at, .. } = self.map(&question.map_id)?.published();
         question.check(self.max_points)?;
         let (epoch, newest_stamp_ns) = (view.epoch(), view.newest_stamp_ns());
-        question.demand(epoch, framed_at.map(|at| started.saturating_duration_since(at)))?;
+        let age = framed_at.map(|at| started.saturating_duration_since(at));
+        demand((question.min_epoch, question.max_age), (epoch, age))?;
         let fill = question.unknown.fill(view.config().max_distance_m);
         let PointsQuestion { points, fields, .. } = question;
         let (answers, queued) = if points.len() <= readers::IN_PLACE {
@@ -135,6 +145,22 @@ impl Service {
         let spent = started.elapsed();
         self.times.observe(call, queued, spent);
         Ok(PointsReply { answers, epoch, newest_stamp_ns, spent })
+    }
+
+    /// Draws the newest view, if it is as new as the question demands, one question at a time; a
+    /// dropped future stops the work at the next tile. `call` says whose times these are.
+    pub async fn render(&self, question: ImageQuestion, call: Call) -> Result<ImageReply> {
+        let started = Instant::now();
+        let Published { view, framed_at, .. } = self.map(&question.map_id)?.published();
+        question.check(self.max_pixels)?;
+        let (epoch, newest_stamp_ns) = (view.epoch(), view.newest_stamp_ns());
+        let age = framed_at.map(|at| started.saturating_duration_since(at));
+        demand((question.min_epoch, question.max_age), (epoch, age))?;
+        let (width, height) = (question.camera.intrinsics.width, question.camera.intrinsics.height);
+        let (images, queued) = self.studio.draw(view, question).await?;
+        let spent = started.elapsed();
+        self.times.observe(call, queued, spent);
+        Ok(ImageReply { images, width, height, epoch, newest_stamp_ns, spent })
     }
 
     /// Every map.

@@ -14,5 +14,6 @@ mod http; // the same server over HTTP: probes, answers, bad input, the document
 mod map_command; // what `orenx map` says to bad input
 mod mapping; // the promises of a map against closed-form scenes
 mod recordings; // real recordings through the readers
+mod render_command; // `orenx render` and the images of `orenx eval`
 mod server; // a server on a free port: frames, questions, bad input, the way down
 mod support; // where recorded data is, and what a test without it says

@@ -4,7 +4,6 @@
 //! turn and paired, so that both meet the same machine; any other speed is printed with the
 //! machine and its load.
 
-mod ablation;
 mod clock;
 mod corridor;
 mod figure;
@@ -12,7 +11,7 @@ mod geometry;
 mod mapping;
 mod printer;
 mod query;
-mod recording;
+pub(super) mod recording;
 mod render;
 mod serve;
 
@@ -40,7 +39,6 @@ enum Bench {
     Query(query::QueryBenchArgs),
     Render(render::RenderBenchArgs),
     Serve(serve::ServeBenchArgs),
-    Ablation(ablation::AblationArgs),
 }
 
 impl BenchArgs {
@@ -60,7 +58,6 @@ impl Bench {
             Self::Query(_) => "query",
             Self::Render(_) => "render",
             Self::Serve(_) => "serve",
-            Self::Ablation(_) => "ablation",
         }
     }
 
@@ -72,7 +69,6 @@ impl Bench {
             Self::Query(arguments) => arguments.run(out),
             Self::Render(arguments) => arguments.run(out),
             Self::Serve(arguments) => arguments.run(out),
-            Self::Ablation(arguments) => arguments.run(out),
         }
     }
 }
@@ -154,7 +150,7 @@ mod tests {
         list(&mut text, false).expect("listed");
         let text = String::from_utf8(text).expect("text");
         let names: Vec<&str> = text.lines().filter_map(|l| l.split_whitespace().next()).collect();
-        assert_eq!(names, ["geometry", "map", "corridor", "query", "render", "serve", "ablation"]);
+        assert_eq!(names, ["geometry", "map", "corridor", "query", "render", "serve"]);
         assert!(text.lines().all(|line| line.len() > 30), "each with what it measures: {text}");
     }
 
@@ -210,11 +206,10 @@ mod tests {
 
     #[test]
     fn a_folder_that_is_missing_is_named() {
-        for line in ["bench geometry --data nowhere", "bench ablation --data nowhere"] {
-            let bench = parse(line).expect(line).bench.expect("a name");
-            let mut text = Vec::new();
-            let error = bench.run(&mut Printer::new(&mut text, bench.name(), true));
-            assert!(error.expect_err(line).to_string().contains("nowhere"), "{line}");
-        }
+        let line = "bench geometry --data nowhere";
+        let bench = parse(line).expect(line).bench.expect("a name");
+        let mut text = Vec::new();
+        let error = bench.run(&mut Printer::new(&mut text, bench.name(), true));
+        assert!(error.expect_err(line).to_string().contains("nowhere"), "{line}");
     }
 }

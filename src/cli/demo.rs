@@ -2,6 +2,7 @@
 //! room into it over gRPC, as any robot would.
 
 mod curl;
+mod view;
 
 use std::io::IsTerminal;
 use std::num::NonZeroUsize;
@@ -14,6 +15,7 @@ use glam::Vec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use tokio::sync::oneshot;
 
+use self::view::View;
 use super::invocation::invocation;
 use super::serve::interrupted;
 use crate::client::{Client, Pace, StreamReport, load_ahead, send};
@@ -110,8 +112,9 @@ async fn show(grpc: &str, http: &str) -> anyhow::Result<()> {
     let room = Arc::new(Synthetic::room(frames).with_width(WIDTH));
     let client = Client::connect(grpc).await?;
     let questions = questions(&room);
+    let view = View::new(&room, 0);
 
-    let report = drive(&client, room, watched).await?;
+    let report = drive(&client, room.clone(), watched).await?;
     println!(
         "the robot sent {} frames, {} are in the map ({:.1} frames/s), epoch {}",
         report.settled,
@@ -124,13 +127,17 @@ async fn show(grpc: &str, http: &str) -> anyhow::Result<()> {
     for question in &questions {
         println!("  {}", question.command(&program, http));
     }
+    println!(
+        "  {program} render {http} --orbit 12 --out views   # the room from around its middle"
+    );
     let posted = curl::body(questions.iter().map(|q| q.point));
-    println!("\nor without orenx:\n{}", curl::lines(http, &posted));
+    println!("\nor without orenx:\n{}\n{}", curl::lines(http, &posted), view.line(http));
     if watched {
         println!("\nCtrl-C ends the demo");
         return std::future::pending().await;
     }
-    check(&client, &questions, report.epoch, (http, posted)).await
+    check(&client, &questions, report.epoch, (http, posted)).await?;
+    view.check(http, &room).await
 }
 
 /// The robot: frames in, progress out.

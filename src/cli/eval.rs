@@ -7,8 +7,11 @@ use clap::Args;
 
 use super::open::open_view;
 use crate::error::Result;
-use crate::eval::{Report, Truth, evaluate};
-use crate::map::{MapView, default_resolution_m, extract_mesh, query_pool};
+use crate::eval::{Lpips, Report, Truth, evaluate, image_errors};
+use crate::map::{
+    MapView, RenderSettings, Renderer, SamplePosition, default_resolution_m, extract_mesh,
+    query_pool,
+};
 use crate::storage::write_file;
 
 /// Judge a map against a folder with known truth and print the geometry table
@@ -16,9 +19,18 @@ use crate::storage::write_file;
 pub struct EvalArgs {
     /// Map file
     pub map: PathBuf,
-    /// Folder with gt_sdf.npz, or gt_surface.npz and mesh.ply
+    /// Folder with gt_sdf.npz, or gt_surface.npz and mesh.ply, or unseen views in novel/
     #[arg(long, value_name = "DIR")]
     pub truth: PathBuf,
+    /// What draws the images that are compared with the views in novel/
+    #[arg(long, value_enum, default_value = "tile")]
+    pub renderer: Renderer,
+    /// Where on its way through a voxel a ray takes its colour
+    #[arg(long, value_enum, default_value = "zero-crossing")]
+    pub sample: SamplePosition,
+    /// A network for LPIPS, as ONNX: two images 1x3xHxW within -1..1, one number
+    #[arg(long, value_name = "FILE.onnx")]
+    pub lpips: Option<PathBuf>,
     /// Also write the report as JSON
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
@@ -27,7 +39,18 @@ pub struct EvalArgs {
 impl EvalArgs {
     pub fn run(self) -> anyhow::Result<()> {
         let view = open_view(&self.map)?;
-        let report = judge(&view, &Truth::load(&self.truth)?)?;
+        let lpips = self.lpips.as_deref().map(Lpips::load).transpose()?;
+        let settings = RenderSettings {
+            renderer: self.renderer,
+            sample: self.sample,
+            ..RenderSettings::default()
+        };
+        let truth = Truth::load(&self.truth)?;
+        let mut report = judge(&view, &truth)?;
+        if let Some(novel) = &truth.novel {
+            let pool = query_pool(0)?;
+            report.images = image_errors(&view, novel, &settings, lpips.as_ref(), &pool)?;
+        }
         write!(std::io::stdout(), "{report}")?;
         if let Some(path) = &self.report {
             write_file(path, |out| Ok(serde_json::to_writer_pretty(out, &report)?))?;
@@ -36,7 +59,7 @@ impl EvalArgs {
     }
 }
 
-/// Judges a view, and the mesh that it gives at the default resolution.
+/// Judges the field of a view, and the mesh that it gives at the default resolution.
 pub fn judge(view: &MapView, truth: &Truth) -> Result<Report> {
     let pool = query_pool(0)?;
     let query = |points: &[_], fields| view.query(points, fields);

@@ -4,6 +4,7 @@
 //! stderr, in one line.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is the part that prints")]
 
+pub mod ablate;
 pub mod bench;
 pub mod demo;
 pub mod doctor;
@@ -14,6 +15,7 @@ pub mod map;
 pub mod mesh;
 mod open;
 pub mod query;
+pub mod render;
 pub mod serve;
 pub mod slice;
 pub mod stream;
@@ -41,7 +43,9 @@ enum Command {
     Query(query::QueryArgs),
     Slice(slice::SliceArgs),
     Mesh(mesh::MeshArgs),
+    Render(render::RenderArgs),
     Bench(bench::BenchArgs),
+    Ablate(ablate::AblateArgs),
     Doctor(doctor::DoctorArgs),
 }
 
@@ -69,7 +73,9 @@ pub fn run() -> ExitCode {
         Command::Query(arguments) => arguments.run(),
         Command::Slice(arguments) => arguments.run(),
         Command::Mesh(arguments) => arguments.run(),
+        Command::Render(arguments) => arguments.run(),
         Command::Bench(arguments) => arguments.run(),
+        Command::Ablate(arguments) => arguments.run(),
         Command::Doctor(arguments) => arguments.run(),
     };
     match result {

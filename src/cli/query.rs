@@ -21,7 +21,7 @@ use crate::storage::{folder_of, write_file};
 /// Points in memory at a time, whatever the size of the file.
 const PIECE_POINTS: usize = 1 << 17;
 
-/// Ask a map about points: signed distance, gradient, occupancy, state
+/// Ask a map about points: signed distance, gradient, occupancy, state, color
 #[derive(Debug, Args)]
 pub struct QueryArgs {
     /// Map file, or the URL of a server, as in http://127.0.0.1:7611 or grpc://127.0.0.1:7610
@@ -39,7 +39,7 @@ pub struct QueryArgs {
     /// An .npy file of points, (N, 3) f32 or f64, world metres
     #[arg(long = "points", value_name = "FILE.npy", id = "points_file", requires = "out")]
     pub points_file: Option<PathBuf>,
-    /// Where the answers go: arrays sdf, gradient, occupancy, state
+    /// Where the answers go: arrays sdf, gradient, occupancy, state, color
     #[arg(long, value_name = "FILE.npz", requires = "points_file")]
     pub out: Option<PathBuf>,
 }
@@ -125,6 +125,9 @@ fn describe(point: Vec3, answers: &PointAnswers, i: usize) -> String {
     if let Some(occupancy) = answers.occupancy.get(i).filter(|p| p.is_finite()) {
         line += &format!("  occupancy {occupancy:.3}");
     }
+    if let Some(color) = answers.color.get(i).filter(|c| c.is_finite()) {
+        line += &format!("  color {:.3} {:.3} {:.3}", color.x, color.y, color.z);
+    }
     line
 }
 
@@ -145,6 +148,9 @@ struct Columns {
     /// Rows with an occupancy: none where the map has no such column.
     occupancies: usize,
     state: Spool,
+    color: Spool,
+    /// Rows with a color, likewise.
+    colors: usize,
 }
 
 impl Columns {
@@ -168,6 +174,8 @@ impl Columns {
             occupancy: spool()?,
             occupancies: 0,
             state: spool()?,
+            color: spool()?,
+            colors: 0,
         };
         let mut left = rows;
         while left > 0 {
@@ -187,7 +195,10 @@ impl Columns {
         write_values(&mut self.gradient.0, gradient)?;
         write_values(&mut self.occupancy.0, &answers.occupancy)?;
         self.occupancies += answers.occupancy.len();
-        write_values(&mut self.state.0, &answers.state)
+        write_values(&mut self.state.0, &answers.state)?;
+        let color: &[f32] = bytemuck::cast_slice(&answers.color);
+        self.colors += answers.color.len();
+        write_values(&mut self.color.0, color)
     }
 
     /// Writes the archive that `numpy.load` reads.
@@ -200,6 +211,9 @@ impl Columns {
             self.occupancy.copy(archive.start("occupancy", Element::F32, &[n])?)?;
         }
         self.state.copy(archive.start("state", Element::U8, &[n])?)?;
+        if self.colors == n {
+            self.color.copy(archive.start("color", Element::F32, &[n, 3])?)?;
+        }
         archive.finish().map(drop)
     }
 }
@@ -236,7 +250,7 @@ mod tests {
             gradient: points.iter().map(|p| Vec3::new(number(p, 1.0), 0.0, 0.0)).collect(),
             occupancy: points.iter().map(|p| number(p, 0.25)).collect(),
             state: points.iter().map(|p| u8::from(known(p))).collect(),
-            ..PointAnswers::default()
+            color: points.iter().map(|p| Vec3::new(number(p, 0.5), 0.0, 1.0)).collect(),
         })
     }
 
@@ -261,6 +275,8 @@ mod tests {
         assert_eq!(out.rows::<u8>("state", 1).expect("state"), [1, 0, 1]);
         assert_eq!(out.rows::<f32>("gradient", 3).expect("gradient").len(), 9);
         assert_eq!(out.rows::<f32>("occupancy", 1).expect("occupancy")[2], 0.25);
+        let color: Vec<f32> = out.rows("color", 3).expect("color");
+        assert!(color[..3] == [0.5, 0.0, 1.0] && color[3].is_nan(), "{color:?}");
     }
 
     #[test]
@@ -300,7 +316,7 @@ mod tests {
         assert_eq!(
             describe(points[0], &answers, 0),
             "point 0.5 1 0  state free  distance 0.5000 m  gradient 1.000 0.000 0.000  \
-             occupancy 0.250"
+             occupancy 0.250  color 0.500 0.000 1.000"
         );
         assert!(describe(points[1], &answers, 1).ends_with("state unknown"));
     }

@@ -1,6 +1,7 @@
 //! An HTTP client of one server: raw numbers out, raw columns back.
 
 use std::fmt::Write;
+use std::str::FromStr;
 use std::time::Duration;
 
 use bytes::Bytes;
@@ -31,9 +32,21 @@ pub struct HttpClient {
 }
 
 /// An answer that is no error.
-struct Answer {
+pub(super) struct Answer {
     headers: HeaderMap,
-    body: Bytes,
+    pub(super) body: Bytes,
+}
+
+impl Answer {
+    /// A number in a header.
+    pub(super) fn number<T: FromStr>(&self, name: &str) -> Result<T> {
+        let missing = || Error::corrupt("the server's answer", format!("has no {name}"));
+        self.text(name).parse().map_err(|_| missing())
+    }
+
+    fn text(&self, name: &str) -> &str {
+        self.headers.get(name).and_then(|value| value.to_str().ok()).unwrap_or_default()
+    }
 }
 
 impl HttpClient {
@@ -66,15 +79,13 @@ impl HttpClient {
         let raw = hyper::header::HeaderValue::from_static(RAW);
         request.headers_mut().insert(CONTENT_TYPE, raw.clone());
         request.headers_mut().insert(ACCEPT, raw);
-        let Answer { headers, body } = self.answer(request).await?;
-        let text = |name: &str| headers.get(name).and_then(|v| v.to_str().ok()).unwrap_or_default();
-        let missing = |name: &str| Error::corrupt("the server's answer", format!("has no {name}"));
-        let points = text(POINTS).parse().map_err(|_| missing(POINTS))?;
+        let answer = self.answer(request).await?;
+        let points = answer.number(POINTS)?;
         Ok(PointsReply {
-            answers: columns_from_wire(text(COLUMNS), &body, points)?,
-            epoch: text(EPOCH).parse().map_err(|_| missing(EPOCH))?,
-            newest_stamp_ns: text(NEWEST_STAMP_NS).parse().map_err(|_| missing(NEWEST_STAMP_NS))?,
-            spent: Duration::from_micros(text(SERVER_US).parse().map_err(|_| missing(SERVER_US))?),
+            answers: columns_from_wire(answer.text(COLUMNS), &answer.body, points)?,
+            epoch: answer.number(EPOCH)?,
+            newest_stamp_ns: answer.number(NEWEST_STAMP_NS)?,
+            spent: Duration::from_micros(answer.number(SERVER_US)?),
         })
     }
 
@@ -85,10 +96,15 @@ impl HttpClient {
 
     /// What a path says to a body of JSON.
     pub async fn post_json(&self, path: &str, body: String) -> Result<Bytes> {
+        Ok(self.posted_json(path, body).await?.body)
+    }
+
+    /// The same, with what the headers say.
+    pub(super) async fn posted_json(&self, path: &str, body: String) -> Result<Answer> {
         let mut request = self.request(Method::POST, path, Bytes::from(body))?;
         let json = hyper::header::HeaderValue::from_static("application/json");
         request.headers_mut().insert(CONTENT_TYPE, json);
-        Ok(self.answer(request).await?.body)
+        self.answer(request).await
     }
 
     fn request(&self, method: Method, path: &str, body: Bytes) -> Result<Request<Full<Bytes>>> {
@@ -151,12 +167,13 @@ impl HttpClient {
 
 /// The query string of a question: what differs from the defaults.
 fn options(question: &PointsQuestion) -> String {
-    let Fields { distance, gradient, occupancy, state, .. } = question.fields;
+    let Fields { distance, gradient, occupancy, state, color } = question.fields;
     let named = [
         (distance, "distance"),
         (gradient, "gradient"),
         (occupancy, "occupancy"),
         (state, "state"),
+        (color, "color"),
     ];
     let fields: Vec<&str> = named.iter().filter(|(asked, _)| *asked).map(|(_, n)| *n).collect();
     let mut text = format!("?fields={}&min_epoch={}", fields.join(","), question.min_epoch);

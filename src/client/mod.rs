@@ -2,6 +2,7 @@
 //! prefer it.
 
 mod http;
+mod images;
 mod questioner;
 mod stream;
 
@@ -15,16 +16,21 @@ use tonic::transport::{Channel, Endpoint};
 use crate::engine::Emptied;
 use crate::error::{Error, Result};
 use crate::map::Fields;
-use crate::service::{MapReport, MapSummary, PointsQuestion, PointsReply};
+use crate::service::{
+    ImageQuestion, ImageReply, MapReport, MapSummary, PointsQuestion, PointsReply,
+};
 use crate::wire::v1::ingest_client::IngestClient;
 use crate::wire::v1::maps_client::MapsClient;
 use crate::wire::v1::query_client::QueryClient;
+use crate::wire::v1::render_client::RenderClient;
 use crate::wire::{
-    MAX_MESSAGE_BYTES, error_from_status, map_list_from_wire, map_stats_from_wire,
-    points_question_to_wire, stream_question_to_wire, stream_reply_from_wire, v1,
+    MAX_MESSAGE_BYTES, error_from_status, image_question_to_wire, image_reply_from_wire,
+    map_list_from_wire, map_stats_from_wire, points_question_to_wire, stream_question_to_wire,
+    stream_reply_from_wire, v1,
 };
 
 pub use http::HttpClient;
+pub use images::camera_json;
 pub use questioner::Questioner;
 pub use stream::{Pace, StreamReport, load_ahead, send};
 
@@ -58,7 +64,7 @@ impl Client {
         Ok(Self { channel })
     }
 
-    /// Distance, gradient, occupancy and state at points (world metres), of epoch `min_epoch` or a
+    /// Distance, gradient, occupancy, state and color at points (world metres), of epoch `min_epoch` or a
     /// later one.
     pub async fn query_points(
         &self,
@@ -99,6 +105,16 @@ impl Client {
             .await
             .map_err(|status| error_from_status(&status))?;
         Ok(Answers(answers.into_inner()))
+    }
+
+    /// The images that a question asks for.
+    pub async fn render(&self, question: &ImageQuestion) -> Result<ImageReply> {
+        let reply = RenderClient::new(self.channel.clone())
+            .max_decoding_message_size(MAX_MESSAGE_BYTES)
+            .render(image_question_to_wire(question))
+            .await
+            .map_err(|status| error_from_status(&status))?;
+        image_reply_from_wire(reply.into_inner(), &question.images)
     }
 
     /// Every map of the server.

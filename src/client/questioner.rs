@@ -1,8 +1,9 @@
 //! Questions to a server, whatever it speaks.
 
 use super::{Client, HttpClient};
-use crate::error::Result;
-use crate::service::{PointsQuestion, PointsReply};
+use crate::error::{Error, Result};
+use crate::geometry::Aabb;
+use crate::service::{DEFAULT_MAP, ImageQuestion, ImageReply, PointsQuestion, PointsReply};
 
 /// A client of either transport.
 #[derive(Clone)]
@@ -29,6 +30,27 @@ impl Questioner {
         match self {
             Self::Grpc(client) => client.ask(question).await,
             Self::Http(client) => client.ask(question).await,
+        }
+    }
+
+    /// The images that a question asks for.
+    pub async fn render(&self, question: &ImageQuestion) -> Result<ImageReply> {
+        match self {
+            Self::Grpc(client) => client.render(question).await,
+            Self::Http(client) => client.render(question).await,
+        }
+    }
+
+    /// The box around everything that the default map has observed; empty for an empty map.
+    pub async fn bounds(&self) -> Result<Aabb> {
+        match self {
+            Self::Grpc(client) => {
+                let maps = client.list_maps().await?;
+                let map = maps.into_iter().find(|map| map.map_id == DEFAULT_MAP);
+                let missing = || Error::NotFound { what: format!("map '{DEFAULT_MAP}'") };
+                Ok(map.ok_or_else(missing)?.bounds)
+            }
+            Self::Http(client) => client.bounds().await,
         }
     }
 }

@@ -30,6 +30,7 @@ pub struct ServerSettings {
     pub http: String,
     pub query_threads: u32,
     pub max_points: u32,
+    pub max_pixels: u32,
     pub lane_frames: u32,
     pub lanes: u32,
     pub queued_mib: u32,
@@ -77,6 +78,7 @@ impl Default for ServerSettings {
             http: "127.0.0.1:7611".into(),
             query_threads: 0,
             max_points: 1_000_000,
+            max_pixels: 4_000_000,
             lane_frames: 2,
             lanes: 64,
             queued_mib: 512,
@@ -102,6 +104,7 @@ pub struct ServerConfig {
     /// At least one.
     pub query_threads: usize,
     pub max_points: usize,
+    pub max_pixels: usize,
     /// Frames that may wait for each sensor.
     pub lane_frames: usize,
     /// Sensors with waiting frames at a time.
@@ -154,7 +157,9 @@ impl ServerConfig {
             },
             query_threads,
             // The reply of the largest question must fit in one message.
-            max_points: within("max_points", server.max_points, 1..=3_000_000)?,
+            max_points: within("max_points", server.max_points, 1..=2_000_000)?,
+            // A colour in f32, 12 bytes a pixel, must fit in an answer.
+            max_pixels: within("max_pixels", server.max_pixels, 1..=4_800_000)?,
             lane_frames: within("lane_frames", server.lane_frames, 1..=1024)?,
             lanes: within("lanes", server.lanes, 1..=4096)?,
             queued_bytes: within("queued_mib", server.queued_mib, 1..=1 << 20)? << 20,
@@ -269,6 +274,7 @@ mod tests {
             ("[server]\nhttp = \"7611\"\n", "server.http"),
             ("[server]\ntrainer_nice = 20\n", "server.trainer_nice"),
             ("[server]\nmax_points = 4000000\n", "server.max_points"),
+            ("[server]\nmax_pixels = 0\n", "server.max_pixels"),
             ("[server]\nmax_frame_age_s = -1.0\n", "server.max_frame_age_s"),
             ("[map]\nr0_m = 5.0\n", "map.r0_m"),
         ] {

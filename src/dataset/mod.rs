@@ -5,6 +5,7 @@
 //! decoded frame by frame.
 
 mod ahead;
+mod cameras;
 mod decode;
 mod noise;
 mod replica;
@@ -21,6 +22,7 @@ use crate::frame::Frame;
 use crate::geometry::Intrinsics;
 
 pub use ahead::{Loaded, load_each};
+pub use cameras::{Cameras, cameras, pose};
 pub use noise::Noise;
 pub use selection::FrameRange;
 

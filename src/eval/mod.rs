@@ -17,9 +17,17 @@
 //! of the observed points of `gt_surface.npz` to our mesh, Chamfer the mean of the two. Precision
 //! is the share of samples, recall the share of observed truth points, closer than the threshold;
 //! the F-score is their harmonic mean. An empty mesh has no distances and F-scores of 0.
+//!
+//! **Images.** Every view of `novel/` is rendered and compared as 8-bit sRGB, black where the map has
+//! no colour. A pixel is *covered* if both the map and the truth have depth there. PSNR over covered
+//! and over all pixels, −10 log10 of the mean squared error of the three channels (at most 120 dB);
+//! SSIM (11 × 11 Gaussian window, σ 1.5) as the mean of the three channels; mean and median of the
+//! error of z-depth over covered pixels; coverage, the covered share of the pixels with true depth;
+//! LPIPS where the user gives the network. Each is the mean over the images that have it.
 
 mod closest;
 mod field;
+mod images;
 mod report;
 mod surface;
 mod truth;
@@ -29,22 +37,26 @@ use rayon::ThreadPool;
 use crate::error::{Error, Result};
 use crate::map::{Fields, PointQuery, TriangleMesh, query_parallel};
 
-pub use report::{FieldErrors, Geometry, KnownShare, MeshErrors, Occupancy, Ranges, Report};
+pub use images::{Lpips, image_errors};
+pub use report::{
+    FieldErrors, Geometry, ImageErrors, KnownShare, MeshErrors, Occupancy, Ranges, Report,
+};
 pub use surface::SAMPLES;
 pub use truth::{SdfTruth, SurfaceTruth, Truth};
 
 /// Judges whatever answers points, and the mesh made from it, against the truth. `mesh` is called
-/// only where the folder has a true surface.
+/// only where the folder has a true surface. For images there is [`image_errors`].
 pub fn evaluate(
     truth: &Truth,
     query: &impl PointQuery,
     mesh: impl FnOnce() -> Result<TriangleMesh>,
     pool: &ThreadPool,
 ) -> Result<Report> {
-    if truth.sdf.is_none() && truth.surface.is_none() {
+    if truth.sdf.is_none() && truth.surface.is_none() && truth.novel.is_none() {
         return Err(Error::invalid(
             "truth",
-            "holds neither gt_sdf.npz nor gt_surface.npz with mesh.ply: nothing to judge by",
+            "holds neither gt_sdf.npz nor gt_surface.npz with mesh.ply nor novel/: nothing to judge \
+             by",
         ));
     }
     let mut report = Report::default();

@@ -12,6 +12,8 @@ pub struct Report {
     pub geometry: Option<Geometry>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub occupancy: Option<Occupancy>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub images: Option<ImageErrors>,
 }
 
 /// Errors of the distance field and of the mesh.
@@ -67,6 +69,24 @@ pub struct Occupancy {
     pub known_share: f64,
 }
 
+/// Rendered views beside true ones: means over the images.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ImageErrors {
+    /// dB, over the pixels where both the map and the truth have depth, and over all.
+    pub psnr_covered: f64,
+    pub psnr_full: f64,
+    pub ssim: f64,
+    /// Over covered pixels, m.
+    pub depth_l1_m: f64,
+    pub depth_median_m: f64,
+    /// The covered pixels among those where the truth has depth.
+    pub coverage: f64,
+    pub renderer: String,
+    /// Only where the user gave a network.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lpips: Option<f64>,
+}
+
 /// The paper's geometry table, in its units, with what was known beside the means.
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -93,8 +113,25 @@ impl fmt::Display for Report {
                 number(known, 2)
             )?;
         }
+        if let Some(images) = &self.images {
+            writeln!(f)?;
+            image_table(f, images)?;
+        }
         Ok(())
     }
+}
+
+fn image_table(f: &mut fmt::Formatter<'_>, images: &ImageErrors) -> fmt::Result {
+    writeln!(f, "{:<26}{:>12}", "Novel views", images.renderer)?;
+    single(f, "PSNR, covered [dB]", images.psnr_covered, 2)?;
+    single(f, "PSNR, all [dB]", images.psnr_full, 2)?;
+    single(f, "SSIM", images.ssim, 4)?;
+    if let Some(lpips) = images.lpips {
+        single(f, "LPIPS", lpips, 4)?;
+    }
+    single(f, "Depth L1 [mm]", images.depth_l1_m * 1e3, 2)?;
+    single(f, "Depth, median [mm]", images.depth_median_m * 1e3, 2)?;
+    single(f, "Coverage [%]", images.coverage * 100.0, 2)
 }
 
 fn field_table(f: &mut fmt::Formatter<'_>, field: &FieldErrors) -> fmt::Result {
@@ -164,7 +201,7 @@ mod tests {
                 }),
                 mesh: None,
             }),
-            occupancy: None,
+            ..Report::default()
         }
     }
 
@@ -188,11 +225,41 @@ mod tests {
         let only_mesh = Report {
             geometry: Some(Geometry { field: None, mesh: Some(mesh) }),
             occupancy: Some(Occupancy { accuracy: 0.9, known_share: 1.0 }),
+            images: None,
         };
         let json = serde_json::to_value(only_mesh).expect("plain data");
         assert_eq!(json["geometry"]["mesh"]["f_score_2cm"], 0.9);
         assert_eq!(json["occupancy"]["accuracy"], 0.9);
         assert!(json["geometry"].get("sdf_mae_m").is_none());
+    }
+
+    #[test]
+    fn images_have_the_stable_keys_and_lpips_only_where_it_was_asked_for() {
+        let mut images = ImageErrors {
+            psnr_covered: 36.5,
+            psnr_full: 30.25,
+            ssim: 0.95,
+            depth_l1_m: 0.0035,
+            depth_median_m: 0.001,
+            coverage: 0.99,
+            renderer: "tile".into(),
+            lpips: None,
+        };
+        let report = |images| Report { images: Some(images), ..Report::default() };
+        let json = serde_json::to_value(report(images.clone())).expect("plain data");
+        let expected = serde_json::json!({ "images": {
+            "psnr_covered": 36.5, "psnr_full": 30.25, "ssim": 0.95, "depth_l1_m": 0.0035,
+            "depth_median_m": 0.001, "coverage": 0.99, "renderer": "tile",
+        }});
+        assert_eq!(json, expected);
+        images.lpips = Some(0.125);
+        let table = report(images.clone()).to_string();
+        for line in
+            ["PSNR, covered [dB]               36.50", "LPIPS                           0.1250"]
+        {
+            assert!(table.lines().any(|l| l == line), "{line} in\n{table}");
+        }
+        assert_eq!(serde_json::to_value(images).expect("plain data")["lpips"], 0.125);
     }
 
     #[test]

@@ -1,8 +1,8 @@
-//! The truth folder: exact distances, surface points and the true mesh, each optional.
+//! The truth folder: exact distances, surface points, the true mesh and unseen views, each optional.
 
 use std::fs::File;
 use std::io::BufReader;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
@@ -15,6 +15,8 @@ use crate::numpy::Archive;
 pub struct Truth {
     pub sdf: Option<SdfTruth>,
     pub surface: Option<SurfaceTruth>,
+    /// The folder of views that no frame was mapped from, `novel/`.
+    pub novel: Option<PathBuf>,
 }
 
 /// `gt_sdf.npz`: the exact field at sampled points, column by column.
@@ -52,7 +54,7 @@ impl Truth {
             (Some(points), Some(mesh)) => Some(SurfaceTruth::load(&points, &mesh)?),
             _ => None,
         };
-        Ok(Self { sdf, surface })
+        Ok(Self { sdf, surface, novel: at("novel") })
     }
 }
 
@@ -178,9 +180,11 @@ mod tests {
     fn what_is_there_is_read_and_the_rest_is_absent() {
         let folder = Folder::new();
         let empty = folder.load().expect("an empty folder is fine");
-        assert!(empty.sdf.is_none() && empty.surface.is_none());
+        assert!(empty.sdf.is_none() && empty.surface.is_none() && empty.novel.is_none());
+        std::fs::create_dir(folder.0.path().join("novel")).expect("a folder");
         write_sdf(&folder, 2, 0.0);
         let truth = folder.load().expect("good");
+        assert!(truth.novel.is_some_and(|novel| novel.ends_with("novel")));
         let sdf = truth.sdf.expect("there");
         assert_eq!(sdf.points[1], Vec3::X);
         assert_eq!((sdf.near[0], sdf.near[1], sdf.distances[1]), (true, false, 0.5));

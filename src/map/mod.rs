@@ -6,6 +6,7 @@ mod mapper;
 mod mesh;
 mod pages;
 mod parallel;
+mod picture;
 mod publish;
 mod query;
 mod render;
@@ -18,6 +19,7 @@ mod view;
 pub use mapper::{FrameOutcome, MapStats, Mapper};
 pub use mesh::{TriangleMesh, default_resolution_m, extract_mesh};
 pub use parallel::{CHUNK_POINTS, PointQuery, query_parallel, query_pool};
+pub use picture::{Encoding, Output};
 pub use query::{Fields, PointAnswers, State};
 pub use render::{
     Camera, Channels, MAX_SIDE, RenderSettings, Renderer, Rendering, SamplePosition, render,

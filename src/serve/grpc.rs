@@ -1,4 +1,4 @@
-//! Questions over gRPC.
+//! Questions over gRPC, about points and for images.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -7,15 +7,16 @@ use tokio::sync::watch;
 use tonic::{Request, Response, Status, Streaming};
 
 use super::stream::{Answers, answer_stream};
-use crate::service::{Call, PointsQuestion, Service};
+use crate::service::{Call, ImageQuestion, PointsQuestion, Service};
 use crate::wire::v1::maps_server::Maps;
 use crate::wire::v1::query_server::Query;
+use crate::wire::v1::render_server::Render;
 use crate::wire::{
-    Ending, map_detail_to_wire, map_list_to_wire, map_reset_to_wire, map_stats_to_wire,
-    points_reply_to_wire, status_from_error, v1,
+    Ending, image_reply_to_wire, map_detail_to_wire, map_list_to_wire, map_reset_to_wire,
+    map_stats_to_wire, points_reply_to_wire, status_from_error, v1,
 };
 
-/// `orenx.v1.Query` and `orenx.v1.Maps`: messages in, verbs, messages out.
+/// `orenx.v1.Query`, `orenx.v1.Render` and `orenx.v1.Maps`: messages in, verbs, messages out.
 #[derive(Clone)]
 pub(super) struct Edge {
     service: Arc<Service>,
@@ -43,12 +44,37 @@ impl Query for Edge {
         Ok(Response::new(points_reply_to_wire(reply)))
     }
 
-    type StreamQueryStream = Answers;
+    type StreamQueryStream = Answers<v1::StreamQueryReply>;
 
     async fn stream_query(
         &self,
         request: Request<Streaming<v1::StreamQueryRequest>>,
-    ) -> Result<Response<Answers>, Status> {
+    ) -> Result<Response<Self::StreamQueryStream>, Status> {
+        let ending = Ending::of(&request, self.closing.clone());
+        Ok(Response::new(answer_stream(self.service.clone(), request.into_inner(), ending)))
+    }
+}
+
+#[tonic::async_trait]
+impl Render for Edge {
+    async fn render(
+        &self,
+        request: Request<v1::RenderRequest>,
+    ) -> Result<Response<v1::RenderReply>, Status> {
+        let answer = async {
+            let question = ImageQuestion::try_from(request.into_inner())?;
+            self.service.render(question, Call::GrpcRender).await
+        };
+        let reply = answer.await.map_err(|e| status_from_error(&e))?;
+        Ok(Response::new(image_reply_to_wire(reply)))
+    }
+
+    type RenderStreamStream = Answers<v1::RenderStreamReply>;
+
+    async fn render_stream(
+        &self,
+        request: Request<Streaming<v1::RenderStreamRequest>>,
+    ) -> Result<Response<Self::RenderStreamStream>, Status> {
         let ending = Ending::of(&request, self.closing.clone());
         Ok(Response::new(answer_stream(self.service.clone(), request.into_inner(), ending)))
     }

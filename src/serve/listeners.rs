@@ -20,7 +20,7 @@ impl Listeners {
     pub async fn bind(config: &ServerConfig) -> Result<Self> {
         let grpc = listen("server.grpc", config.grpc).await?;
         let http = match config.http {
-            Some(address) => Some(door(address, config.max_points).await?),
+            Some(address) => Some(door(address, config).await?),
             None => None,
         };
         Ok(Self { grpc, http })
@@ -44,9 +44,10 @@ impl From<TcpListener> for Listeners {
     }
 }
 
-async fn door(address: SocketAddr, max_points: usize) -> Result<Door> {
+async fn door(address: SocketAddr, config: &ServerConfig) -> Result<Door> {
     let listener = listen("server.http", address).await?;
-    Door::open(listener, max_points).map_err(|e| refused("server.http", address, &e))
+    Door::open(listener, config.max_points, config.max_pixels)
+        .map_err(|e| refused("server.http", address, &e))
 }
 
 async fn listen(key: &str, address: SocketAddr) -> Result<TcpListener> {

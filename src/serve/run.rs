@@ -21,6 +21,7 @@ use crate::service::Service;
 use crate::wire::v1::ingest_server::IngestServer;
 use crate::wire::v1::maps_server::MapsServer;
 use crate::wire::v1::query_server::QueryServer;
+use crate::wire::v1::render_server::RenderServer;
 use crate::wire::{DESCRIPTORS, MAX_MESSAGE_BYTES};
 
 /// How long connections may take to end once the server stops. Streams end by themselves when their
@@ -53,6 +54,7 @@ pub async fn run(
     let query = QueryServer::new(edge.clone())
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let render = RenderServer::new(edge.clone()).max_encoding_message_size(MAX_MESSAGE_BYTES);
     let calls = Arc::<Calls>::default();
     if let Some(http) = &http {
         http.serve(service.clone(), calls.clone());
@@ -71,6 +73,7 @@ pub async fn run(
         .add_service(reflection().build_v1alpha().map_err(reflection_error)?)
         .add_service(ingest)
         .add_service(query)
+        .add_service(render)
         .add_service(MapsServer::new(edge))
         .serve_with_incoming_shutdown(at_once(listener), async move {
             // An error means that `run` is gone, and everything with it.
@@ -116,6 +119,7 @@ async fn set_health(health: &HealthReporter, status: ServingStatus) {
         <IngestServer<IngestService> as NamedService>::NAME,
         <MapsServer<Edge> as NamedService>::NAME,
         <QueryServer<Edge> as NamedService>::NAME,
+        <RenderServer<Edge> as NamedService>::NAME,
     ] {
         health.set_service_status(name, status).await;
     }

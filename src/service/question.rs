@@ -127,27 +127,29 @@ impl PointsQuestion {
         }
         self.unknown.check()
     }
+}
 
-    /// Refuses a view that is too old. `age` is that of its newest frame.
-    pub(super) fn demand(&self, epoch: u64, age: Option<Duration>) -> Result<()> {
-        if epoch < self.min_epoch {
-            return Err(Error::FailedPrecondition(format!(
-                "min_epoch: {} is not published yet, the newest is {epoch}",
-                self.min_epoch
-            )));
-        }
-        let Some(limit) = self.max_age else { return Ok(()) };
-        let limit_ms = limit.as_millis();
-        match age {
-            Some(age) if age <= limit => Ok(()),
-            Some(age) => Err(Error::FailedPrecondition(format!(
-                "max_age_ms: the newest frame came {} ms ago, the limit is {limit_ms}",
-                age.as_millis()
-            ))),
-            None => Err(Error::FailedPrecondition(format!(
-                "max_age_ms: no frame has come yet, the limit is {limit_ms}"
-            ))),
-        }
+/// Refuses a view that is older than `min_epoch` or whose newest frame came longer ago than `max_age`.
+pub(super) fn demand(
+    (min_epoch, max_age): (u64, Option<Duration>),
+    (epoch, age): (u64, Option<Duration>),
+) -> Result<()> {
+    if epoch < min_epoch {
+        return Err(Error::FailedPrecondition(format!(
+            "min_epoch: {min_epoch} is not published yet, the newest is {epoch}"
+        )));
+    }
+    let Some(limit) = max_age else { return Ok(()) };
+    let limit_ms = limit.as_millis();
+    match age {
+        Some(age) if age <= limit => Ok(()),
+        Some(age) => Err(Error::FailedPrecondition(format!(
+            "max_age_ms: the newest frame came {} ms ago, the limit is {limit_ms}",
+            age.as_millis()
+        ))),
+        None => Err(Error::FailedPrecondition(format!(
+            "max_age_ms: no frame has come yet, the limit is {limit_ms}"
+        ))),
     }
 }
 
@@ -229,14 +231,13 @@ mod tests {
     #[test]
     fn a_view_that_is_too_old_is_refused() {
         let ms = Duration::from_millis;
-        let mut question = PointsQuestion { min_epoch: 4, ..PointsQuestion::new(Vec::new()) };
-        let refused = question.demand(3, None).expect_err("older").to_string();
+        let refused = demand((4, None), (3, None)).expect_err("older").to_string();
         assert!(refused.starts_with("min_epoch: 4") && refused.ends_with('3'), "{refused}");
-        question.demand(4, None).expect("of any age");
-        question.max_age = Some(ms(100));
-        question.demand(4, Some(ms(100))).expect("fresh enough");
+        demand((4, None), (4, None)).expect("of any age");
+        let fresh = (4, Some(ms(100)));
+        demand(fresh, (4, Some(ms(100)))).expect("fresh enough");
         for (age, word) in [(Some(ms(101)), "101 ms ago"), (None, "no frame")] {
-            let refused = question.demand(4, age).expect_err("stale");
+            let refused = demand(fresh, (4, age)).expect_err("stale");
             assert_eq!(refused.status(), crate::error::Status::FailedPrecondition);
             let refused = refused.to_string();
             assert!(refused.contains(word) && refused.contains("limit is 100"), "{refused}");

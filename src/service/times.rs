@@ -10,19 +10,31 @@ use crate::telemetry::{Distribution, Histogram};
 pub enum Call {
     GrpcQueryPoints,
     GrpcStreamQuery,
+    GrpcRender,
+    GrpcRenderStream,
     HttpQueryPoints,
+    HttpRender,
 }
 
 impl Call {
-    pub const ALL: [Self; 3] =
-        [Self::GrpcQueryPoints, Self::GrpcStreamQuery, Self::HttpQueryPoints];
+    pub const ALL: [Self; 6] = [
+        Self::GrpcQueryPoints,
+        Self::GrpcStreamQuery,
+        Self::GrpcRender,
+        Self::GrpcRenderStream,
+        Self::HttpQueryPoints,
+        Self::HttpRender,
+    ];
 
     /// The names of the transport and of the verb.
     pub fn names(self) -> (&'static str, &'static str) {
         match self {
             Self::GrpcQueryPoints => ("grpc", "query_points"),
             Self::GrpcStreamQuery => ("grpc", "stream_query"),
+            Self::GrpcRender => ("grpc", "render"),
+            Self::GrpcRenderStream => ("grpc", "render_stream"),
             Self::HttpQueryPoints => ("http", "query_points"),
+            Self::HttpRender => ("http", "render"),
         }
     }
 }

@@ -18,6 +18,9 @@ pub const POINTS: &str = "orenx-points";
 pub const EPOCH: &str = "orenx-epoch";
 pub const NEWEST_STAMP_NS: &str = "orenx-newest-stamp-ns";
 pub const SERVER_US: &str = "orenx-server-us";
+/// And those of an image: pixels a row, and rows.
+pub const WIDTH: &str = "orenx-width";
+pub const HEIGHT: &str = "orenx-height";
 
 // Columns leave and points come in as they lie in memory.
 const _: () = assert!(cfg!(target_endian = "little"), "raw bodies are little-endian");
@@ -33,6 +36,8 @@ pub fn columns_to_wire(
     columns.push("distance_m", fields.distance, 1, answers.distance);
     columns.push("gradient", fields.gradient, 3, answers.gradient);
     columns.push("occupancy", fields.occupancy, 1, answers.occupancy);
+    // The last one, so that the numbers before it lie on whole words.
+    columns.push("color", fields.color, 3, answers.color);
     columns.push("state", fields.state, 1, answers.state);
     (columns.header, columns.parts)
 }
@@ -98,15 +103,18 @@ pub fn columns_from_wire(header: &str, body: &[u8], points: usize) -> Result<Poi
         let bytes = body.get(offset..end).ok_or_else(wrong)?;
         match (name, kind, width) {
             ("distance_m", "f32", 1) => answers.distance = numbers(bytes),
-            ("gradient", "f32", 3) => {
-                answers.gradient = numbers(bytes).chunks_exact(3).map(Vec3::from_slice).collect();
-            }
+            ("gradient", "f32", 3) => answers.gradient = vectors(bytes),
             ("occupancy", "f32", 1) => answers.occupancy = numbers(bytes),
             ("state", "u8", 1) => answers.state = bytes.to_vec(),
+            ("color", "f32", 3) => answers.color = vectors(bytes),
             _ => {}
         }
     }
     Ok(answers)
+}
+
+fn vectors(bytes: &[u8]) -> Vec<Vec3> {
+    numbers(bytes).chunks_exact(3).map(Vec3::from_slice).collect()
 }
 
 fn numbers(bytes: &[u8]) -> Vec<f32> {
@@ -123,7 +131,7 @@ mod tests {
             gradient: vec![Vec3::X, Vec3::NAN],
             occupancy: vec![],
             state: vec![1, 0],
-            ..PointAnswers::default()
+            color: vec![Vec3::NAN, Vec3::ONE],
         }
     }
 
@@ -133,10 +141,10 @@ mod tests {
         assert_eq!(
             header,
             "distance_m;type=f32;width=1;offset=0, gradient;type=f32;width=3;offset=8, \
-             state;type=u8;width=1;offset=32"
+             color;type=f32;width=3;offset=32, state;type=u8;width=1;offset=56"
         );
         let body = parts.concat();
-        assert_eq!(body.len(), 34);
+        assert_eq!(body.len(), 58);
         assert_eq!(body[..4], 0.5f32.to_le_bytes());
         let back = columns_from_wire(&header, &body, 2).expect("our own");
         assert_eq!(format!("{back:?}"), format!("{:?}", answers()));

@@ -12,11 +12,13 @@ mod image;
 mod ingest;
 mod maps;
 mod query;
+mod render;
 mod status;
 
 pub use codec::Messages;
 pub use columns::{
-    COLUMNS, EPOCH, NEWEST_STAMP_NS, POINTS, SERVER_US, columns_from_wire, columns_to_wire,
+    COLUMNS, EPOCH, HEIGHT, NEWEST_STAMP_NS, POINTS, SERVER_US, WIDTH, columns_from_wire,
+    columns_to_wire,
 };
 pub use ending::{Deadline, Ending};
 pub use ingest::{FrameSummary, IncomingFrame, ack_to_wire, frame_to_wire};
@@ -28,10 +30,15 @@ pub use query::{
     points_question_to_wire, points_reply_to_wire, stream_question_to_wire, stream_reply_from_wire,
     stream_reply_to_wire,
 };
+pub use render::{
+    image_question_to_wire, image_reply_from_wire, image_reply_to_wire,
+    stream_image_question_from_wire, stream_image_question_to_wire, stream_image_reply_from_wire,
+    stream_image_reply_to_wire,
+};
 pub use status::{Codes, error_from_http, error_from_status, status_from_error};
 
 /// The largest message that is read or written, bytes. A raw 720p depth and color pair takes 4.6 MB,
-/// a million points with every column 21 MB.
+/// a million points with every column 33 MB.
 pub const MAX_MESSAGE_BYTES: usize = 64 << 20;
 
 /// The largest image that is decoded, pixels: a compressed message must not grow without bound.

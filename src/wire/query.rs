@@ -40,6 +40,7 @@ pub fn points_question_to_wire(question: &PointsQuestion) -> v1::QueryPointsRequ
         (fields.gradient, v1::PointField::Gradient),
         (fields.occupancy, v1::PointField::Occupancy),
         (fields.state, v1::PointField::State),
+        (fields.color, v1::PointField::Color),
     ];
     v1::QueryPointsRequest {
         map_id: question.map_id.clone(),
@@ -85,10 +86,11 @@ fn fields_from_wire(fields: &[i32]) -> Result<Fields> {
             Ok(v1::PointField::Gradient) => asked.gradient = true,
             Ok(v1::PointField::Occupancy) => asked.occupancy = true,
             Ok(v1::PointField::State) => asked.state = true,
+            Ok(v1::PointField::Color) => asked.color = true,
             Ok(v1::PointField::Unspecified) | Err(_) => {
                 return Err(Error::invalid(
                     format!("fields[{index}]"),
-                    format!("{field} is none of DISTANCE, GRADIENT, OCCUPANCY, STATE"),
+                    format!("{field} is none of DISTANCE, GRADIENT, OCCUPANCY, STATE, COLOR"),
                 ));
             }
         }
@@ -100,6 +102,7 @@ fn fields_from_wire(fields: &[i32]) -> Result<Fields> {
 pub fn points_reply_to_wire(reply: PointsReply) -> v1::QueryPointsReply {
     v1::QueryPointsReply {
         gradient: flat(&reply.answers.gradient),
+        color: flat(&reply.answers.color),
         distance_m: reply.answers.distance,
         occupancy: reply.answers.occupancy,
         state: reply.answers.state,
@@ -117,7 +120,7 @@ impl From<v1::QueryPointsReply> for PointsReply {
                 gradient: message.gradient.chunks_exact(3).map(Vec3::from_slice).collect(),
                 occupancy: message.occupancy,
                 state: message.state,
-                ..PointAnswers::default()
+                color: message.color.chunks_exact(3).map(Vec3::from_slice).collect(),
             },
             epoch: message.epoch,
             newest_stamp_ns: message.newest_stamp_ns,
@@ -137,11 +140,7 @@ pub fn stream_reply_to_wire(id: u64, outcome: Result<PointsReply>) -> v1::Stream
     use v1::stream_query_reply::Answer;
     let answer = match outcome {
         Ok(reply) => Answer::Points(points_reply_to_wire(reply)),
-        Err(error) => Answer::Error(v1::QueryError {
-            code: i32::from(Codes::of(error.status()).grpc) as u32,
-            field: error.field().unwrap_or_default().to_owned(),
-            message: error.to_string(),
-        }),
+        Err(error) => Answer::Error(refusal_to_wire(&error)),
     };
     v1::StreamQueryReply { id, answer: Some(answer) }
 }
@@ -151,12 +150,23 @@ pub fn stream_reply_from_wire(message: v1::StreamQueryReply) -> Result<(u64, Res
     use v1::stream_query_reply::Answer;
     let outcome = match required("answer", message.answer)? {
         Answer::Points(reply) => Ok(reply.into()),
-        Answer::Error(error) => {
-            let code = tonic::Code::from_i32(error.code as i32);
-            Err(error_from_status(&tonic::Status::new(code, error.message)))
-        }
+        Answer::Error(error) => Err(refusal_from_wire(error)),
     };
     Ok((message.id, outcome))
+}
+
+/// Why a question of a stream has no answer.
+pub(super) fn refusal_to_wire(error: &Error) -> v1::QueryError {
+    v1::QueryError {
+        code: i32::from(Codes::of(error.status()).grpc) as u32,
+        field: error.field().unwrap_or_default().to_owned(),
+        message: error.to_string(),
+    }
+}
+
+pub(super) fn refusal_from_wire(error: v1::QueryError) -> Error {
+    let code = tonic::Code::from_i32(error.code as i32);
+    error_from_status(&tonic::Status::new(code, error.message))
 }
 
 fn flat(vectors: &[Vec3]) -> Vec<f32> {
@@ -173,7 +183,7 @@ mod tests {
     prop_compose! {
         fn questions()(
             points in prop::collection::vec(prop::array::uniform3(-1e6f32..1e6), 0..40),
-            (distance, gradient, occupancy) in (any::<bool>(), any::<bool>(), any::<bool>()),
+            [distance, gradient, occupancy, color] in any::<[bool; 4]>(),
             (min_epoch, max_age_ms) in (any::<u64>(), prop::option::of(1..u64::MAX)),
             policy in prop::sample::select(vec![
                 UnknownPolicy::Report, UnknownPolicy::Free, UnknownPolicy::Occupied,
@@ -186,7 +196,7 @@ mod tests {
                 frame_id,
                 points: points.into_iter().map(Vec3::from).collect(),
                 // No field at all means every field, so one is always asked for.
-                fields: Fields { distance, gradient, occupancy, state: true, color: false },
+                fields: Fields { distance, gradient, occupancy, state: true, color },
                 min_epoch,
                 max_age: max_age_ms.map(Duration::from_millis),
                 unknown: Unknown { policy, distance_m },
@@ -204,7 +214,7 @@ mod tests {
 
         #[test]
         fn an_answer_comes_back_bit_for_bit(
-            rows in prop::collection::vec((any::<[f32; 5]>(), 0u8..3), 0..40),
+            rows in prop::collection::vec((any::<[f32; 8]>(), 0u8..3), 0..40),
             (epoch, newest_stamp_ns, us) in (any::<u64>(), any::<i64>(), any::<u32>()),
         ) {
             let reply = PointsReply {
@@ -213,7 +223,7 @@ mod tests {
                     gradient: rows.iter().map(|(n, _)| Vec3::from_slice(&n[1..4])).collect(),
                     occupancy: rows.iter().map(|(n, _)| n[4]).collect(),
                     state: rows.iter().map(|(_, state)| *state).collect(),
-                    ..PointAnswers::default()
+                    color: rows.iter().map(|(n, _)| Vec3::from_slice(&n[5..8])).collect(),
                 },
                 epoch,
                 newest_stamp_ns,
@@ -223,8 +233,8 @@ mod tests {
             let back = PointsReply::from(v1::QueryPointsReply::decode(bytes.as_slice()).expect("ours"));
             // NaN is an answer too: bits are compared.
             let bits = |a: &PointAnswers| {
-                let vectors = flat(&a.gradient);
-                [&a.distance, &vectors, &a.occupancy].map(|c| c.iter().map(|n| n.to_bits()).collect::<Vec<_>>())
+                let (gradient, color) = (flat(&a.gradient), flat(&a.color));
+                [&a.distance, &gradient, &a.occupancy, &color].map(|c| c.iter().map(|n| n.to_bits()).collect::<Vec<_>>())
             };
             prop_assert_eq!(bits(&back.answers), bits(&reply.answers));
             prop_assert_eq!(&back.answers.state, &reply.answers.state);

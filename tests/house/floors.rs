@@ -17,7 +17,7 @@ struct Confined {
 
 const ASYNC: &str = "below floor 4 everything runs without a runtime or a transport";
 
-const CONFINED: [Confined; 8] = [
+const CONFINED: [Confined; 9] = [
     Confined { name: "tokio", allowed: |floor, _| floor >= 4, reason: ASYNC },
     Confined { name: "tonic", allowed: |floor, _| floor >= 4, reason: ASYNC },
     Confined { name: "axum", allowed: |floor, _| floor >= 4, reason: ASYNC },
@@ -36,6 +36,11 @@ const CONFINED: [Confined; 8] = [
         name: "bincode",
         allowed: |_, path| path.starts_with("src/storage/"),
         reason: "the crate is ended: one room to change when it is replaced",
+    },
+    Confined {
+        name: "rten",
+        allowed: |_, path| path.starts_with("src/encoder/"),
+        reason: "networks stand behind a feature, and one room knows what runs them",
     },
     Confined {
         name: "anyhow",

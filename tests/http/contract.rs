@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use super::get;
-use super::numbers::mapped;
+use crate::server::images::mapped;
 
 /// Requests for each operation.
 const EXAMPLES: &str = "40";

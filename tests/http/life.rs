@@ -14,8 +14,8 @@ use tokio::net::TcpStream;
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_client::HealthClient;
 
-use super::numbers::mapped;
 use super::{JSON, POINTS, RAW, exchange, get, metric, post_json, request};
+use crate::server::images::mapped;
 use crate::server::{Running, start};
 
 fn settings() -> Settings {
@@ -84,7 +84,7 @@ async fn a_server_tells_what_it_is_and_how_its_map_is() {
         assert_eq!(answer["map_id"], DEFAULT_MAP);
         assert_eq!((answer["epoch"].as_u64(), answer["bounds"].is_null()), (Some(4), false));
         assert_eq!(answer["newest_stamp_ns"].as_i64(), Some(grpc.summary.newest_stamp_ns));
-        assert_eq!(answer["modalities"], json!(["sdf", "occupancy"]));
+        assert_eq!(answer["modalities"], json!(["sdf", "occupancy", "radiance"]));
         let min = answer["bounds"]["min"].as_array().unwrap();
         let min: Vec<f32> = min.iter().map(|n| n.as_f64().unwrap() as f32).collect();
         assert_eq!(min, grpc.summary.bounds.min.to_array());

@@ -1,6 +1,7 @@
 //! A whole server on free ports, asked through HTTP, by a client that may say anything.
 
 mod contract;
+mod images;
 mod life;
 mod numbers;
 mod refusals;
@@ -10,6 +11,7 @@ use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
 
 const POINTS: &str = "/v1/maps/default/query/points";
+const RENDER: &str = "/v1/maps/default/render";
 const JSON: (&str, &str) = ("content-type", "application/json");
 const RAW: (&str, &str) = ("content-type", "application/octet-stream");
 

@@ -6,22 +6,11 @@ use glam::Vec3;
 use orenx::client::{HttpClient, Questioner};
 use orenx::map::{Fields, PointAnswers};
 use orenx::service::{PointsQuestion, PointsReply, Unknown, UnknownPolicy};
-use orenx::wire::v1::FrameStatus;
 use serde_json::{Value, json};
 
 use super::{POINTS, RAW, exchange, post_json, request};
-use crate::server::{Running, good_frame, open_stream, start, verdict};
-
-/// A server with a few frames of a room.
-pub(super) async fn mapped() -> Running {
-    let server = start(|_| {}).await;
-    let (frames, mut acks) = open_stream(&server.channel).await;
-    for seq in [0, 25, 50, 75] {
-        frames.send(good_frame(seq)).await.unwrap();
-        assert_eq!(verdict(&mut acks).await.status(), FrameStatus::Integrated);
-    }
-    server
-}
+use crate::server::good_frame;
+use crate::server::images::mapped;
 
 /// Points in the room, in its walls, and far outside.
 fn places(n: u16) -> Vec<Vec3> {
@@ -34,13 +23,14 @@ fn places(n: u16) -> Vec<Vec3> {
 }
 
 /// The bits of every column, so that NaN equals NaN.
-fn bits(answers: &PointAnswers) -> [Vec<u32>; 4] {
+fn bits(answers: &PointAnswers) -> [Vec<u32>; 5] {
     let numbers = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect();
-    let gradient: Vec<f32> = answers.gradient.iter().flat_map(|g| g.to_array()).collect();
+    let flat = |vectors: &[Vec3]| vectors.iter().flat_map(|v| v.to_array()).collect::<Vec<_>>();
     [
         numbers(&answers.distance),
-        numbers(&gradient),
+        numbers(&flat(&answers.gradient)),
         numbers(&answers.occupancy),
+        numbers(&flat(&answers.color)),
         answers.state.iter().map(|s| u32::from(*s)).collect(),
     ]
 }
@@ -57,7 +47,7 @@ fn from_json(answer: &Value) -> PointsReply {
             gradient: column("gradient").iter().map(triple).collect(),
             occupancy: column("occupancy").iter().map(number).collect(),
             state: column("state").iter().map(|s| s.as_u64().unwrap() as u8).collect(),
-            ..PointAnswers::default()
+            color: column("color").iter().map(triple).collect(),
         },
         epoch: answer["epoch"].as_u64().unwrap(),
         newest_stamp_ns: answer["newest_stamp_ns"].as_i64().unwrap(),
@@ -67,12 +57,13 @@ fn from_json(answer: &Value) -> PointsReply {
 
 /// The JSON of a question.
 fn to_json(question: &PointsQuestion) -> Value {
-    let Fields { distance, gradient, occupancy, state, .. } = question.fields;
+    let Fields { distance, gradient, occupancy, state, color } = question.fields;
     let names = [
         (distance, "distance"),
         (gradient, "gradient"),
         (occupancy, "occupancy"),
         (state, "state"),
+        (color, "color"),
     ];
     let fields: Vec<&str> = names.iter().filter(|(asked, _)| *asked).map(|(_, n)| *n).collect();
     let points: Vec<[f32; 3]> = question.points.iter().map(Vec3::to_array).collect();
@@ -90,21 +81,21 @@ fn to_json(question: &PointsQuestion) -> Value {
 async fn every_field_is_the_same_over_grpc_in_json_and_raw() {
     let server = mapped().await;
     let raw = HttpClient::new(&format!("http://{}", server.http)).unwrap();
-    let only = |on: [bool; 4]| Fields {
+    let only = |on: [bool; 5]| Fields {
         distance: on[0],
         gradient: on[1],
         occupancy: on[2],
         state: on[3],
-        color: false,
+        color: on[4],
     };
-    let each = (0..4).map(|field| only([0, 1, 2, 3].map(|i| i == field)));
-    let fields: Vec<Fields> = each.chain([Fields { color: false, ..Fields::ALL }]).collect();
+    let each = (0..5).map(|field| only([0, 1, 2, 3, 4].map(|i| i == field)));
+    let fields: Vec<Fields> = each.chain([Fields::ALL]).collect();
     let unknowns = [
         Unknown::default(),
         Unknown { policy: UnknownPolicy::Free, distance_m: None },
         Unknown { policy: UnknownPolicy::Occupied, distance_m: Some(1000.0) },
     ];
-    let mut all_known = true;
+    let (mut all_known, mut colored) = (true, 0);
     // In place, and in chunks on other threads.
     for n in [0, 1, 700, 9000] {
         for (fields, unknown) in fields.iter().flat_map(|f| unknowns.iter().map(move |u| (*f, *u)))
@@ -125,18 +116,20 @@ async fn every_field_is_the_same_over_grpc_in_json_and_raw() {
                 assert_eq!((other.epoch, other.newest_stamp_ns), (4, grpc.newest_stamp_ns));
             }
             all_known &= !grpc.answers.state.contains(&0);
+            colored += grpc.answers.color.iter().filter(|c| c.is_finite()).count();
             let columns = [
                 (fields.distance, grpc.answers.distance.len()),
                 (fields.gradient, grpc.answers.gradient.len()),
                 (fields.occupancy, grpc.answers.occupancy.len()),
                 (fields.state, grpc.answers.state.len()),
+                (fields.color, grpc.answers.color.len()),
             ];
             for (is_asked, rows) in columns {
                 assert_eq!(rows, if is_asked { usize::from(n) } else { 0 });
             }
         }
     }
-    assert!(!all_known, "some points are unknown");
+    assert!(!all_known && colored > 0, "some points are unknown, and some have a color");
     server.stop().await.0.unwrap();
 }
 
@@ -161,15 +154,16 @@ async fn question_and_answer_have_the_form_that_they_say() {
     assert_eq!(
         raw.header("orenx-columns"),
         "distance_m;type=f32;width=1;offset=0, gradient;type=f32;width=3;offset=80, \
-         occupancy;type=f32;width=1;offset=320, state;type=u8;width=1;offset=400"
+         occupancy;type=f32;width=1;offset=320, color;type=f32;width=3;offset=400, \
+         state;type=u8;width=1;offset=640"
     );
     assert_eq!((raw.header("orenx-points"), raw.header("orenx-epoch")), ("20", "4"));
-    assert_eq!(raw.header("content-length"), "420");
-    assert_eq!(raw.body.len(), 420);
+    assert_eq!(raw.header("content-length"), "660");
+    assert_eq!(raw.body.len(), 660);
     assert!(raw.header("orenx-server-us").parse::<u64>().is_ok());
     let stamp = good_frame(75).stamp_ns.to_string();
     assert_eq!(raw.header("orenx-newest-stamp-ns"), stamp);
-    for (at, state) in raw.body[400..].iter().enumerate() {
+    for (at, state) in raw.body[640..].iter().enumerate() {
         let distance = f32::from_le_bytes(raw.body[4 * at..4 * at + 4].try_into().unwrap());
         assert_eq!(*state == 0, distance.is_nan());
         assert_eq!(json["state"][at], *state);

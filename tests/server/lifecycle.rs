@@ -24,7 +24,7 @@ fn health_of(service: &str) -> HealthCheckRequest {
 async fn every_service_says_that_it_serves() {
     let server = start(|_| {}).await;
     let mut health = HealthClient::new(server.channel.clone());
-    for service in ["", "orenx.v1.Ingest", "orenx.v1.Query", "orenx.v1.Maps"] {
+    for service in ["", "orenx.v1.Ingest", "orenx.v1.Query", "orenx.v1.Render", "orenx.v1.Maps"] {
         let reply = health.check(health_of(service)).await.unwrap();
         assert_eq!(reply.into_inner().status(), ServingStatus::Serving, "{service}");
     }

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod frames;
+pub(crate) mod images;
 mod lifecycle;
 mod maps;
 mod questions;
@@ -75,7 +76,7 @@ pub(crate) async fn start(change: impl FnOnce(&mut Settings)) -> Running {
 /// A good frame of a small room, as a message.
 pub(crate) fn good_frame(seq: u64) -> v1::Frame {
     let room = Synthetic::room(100).with_width(64);
-    let mut frame = room.load(seq as usize % 100, false).unwrap();
+    let mut frame = room.load(seq as usize % 100, true).unwrap();
     frame.seq = seq;
     frame_to_wire(DEFAULT_MAP, &frame, QueuePolicy::Block)
 }

@@ -142,8 +142,9 @@ async fn reflection_tells_services_and_messages() {
         panic!("{services:?}")
     };
     let names: Vec<&str> = list.service.iter().map(|service| service.name.as_str()).collect();
-    for name in ["orenx.v1.Ingest", "orenx.v1.Query", "orenx.v1.Maps", "grpc.health.v1.Health"] {
-        assert!(names.contains(&name), "{name} in {names:?}");
+    let expected = ["orenx.v1.Ingest", "orenx.v1.Query", "orenx.v1.Render", "orenx.v1.Maps"];
+    for name in expected.iter().chain(&["grpc.health.v1.Health"]) {
+        assert!(names.contains(name), "{name} in {names:?}");
     }
     let Some(MessageResponse::FileDescriptorResponse(file)) = &file.message_response else {
         panic!("{file:?}")

@@ -176,7 +176,7 @@ mod tests {
             f_score_2cm: 0.9,
         };
         let geometry = Geometry { field: Some(field), mesh: Some(mesh) };
-        let report = Report { geometry: Some(geometry), occupancy: None };
+        let report = Report { geometry: Some(geometry), ..Report::default() };
         Made { report, seconds: 1.0, steps: 4, rows: 8 }
     }
 

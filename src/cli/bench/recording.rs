@@ -1,4 +1,4 @@
-//! The recordings that benches map, and how they map them.
+//! The recordings that benches and studies map, and how they map them.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -17,27 +17,27 @@ const DATA: &str = "ORENX_TEST_DATA";
 
 /// Which recording, and how much of it.
 #[derive(Debug, Args)]
-pub(super) struct RecordingArgs {
+pub(in crate::cli) struct RecordingArgs {
     /// The recording; by default the one in the folder that ORENX_TEST_DATA names
     #[arg(long, value_name = "DIR")]
-    pub(super) data: Option<PathBuf>,
+    pub(in crate::cli) data: Option<PathBuf>,
     /// Frame indices, half-open, for example 0..100
     #[arg(long, value_name = "A..B", default_value = "..")]
-    pub(super) frames: FrameRange,
+    pub(in crate::cli) frames: FrameRange,
     /// Take every N-th frame
     #[arg(long, value_name = "N", default_value_t = 1)]
-    pub(super) stride: usize,
+    pub(in crate::cli) stride: usize,
 }
 
 /// Frames to map.
-pub(super) struct Recording {
-    pub(super) data: Box<dyn Dataset>,
-    pub(super) indices: Vec<usize>,
+pub(in crate::cli) struct Recording {
+    pub(in crate::cli) data: Box<dyn Dataset>,
+    pub(in crate::cli) indices: Vec<usize>,
 }
 
 impl RecordingArgs {
     /// The folder asked for, or `name` below the folder of recordings.
-    pub(super) fn folder(&self, name: &str) -> Result<PathBuf> {
+    pub(in crate::cli) fn folder(&self, name: &str) -> Result<PathBuf> {
         let below = |root| PathBuf::from(root).join(name);
         self.data.clone().or_else(|| std::env::var_os(DATA).map(below)).ok_or_else(|| {
             let problem = format!("needs --data DIR, or {DATA}: the folder that holds {name}");
@@ -45,7 +45,7 @@ impl RecordingArgs {
         })
     }
 
-    pub(super) fn open(&self, folder: &Path) -> Result<Recording> {
+    pub(in crate::cli) fn open(&self, folder: &Path) -> Result<Recording> {
         let data = dataset::open(folder, Format::Auto)?;
         let indices = self.frames.indices(data.len(), self.stride)?;
         Ok(Recording { data, indices })
@@ -54,7 +54,7 @@ impl RecordingArgs {
 
 impl Recording {
     /// A new map of it, as `orenx map` makes one; the time includes starting and decoding.
-    pub(super) fn map(
+    pub(in crate::cli) fn map(
         &self,
         settings: &MapSettings,
         noise: Option<Noise>,

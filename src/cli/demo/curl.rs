@@ -25,10 +25,14 @@ pub(super) fn body(places: impl Iterator<Item = Vec3>) -> String {
 
 /// Lines to paste.
 pub(super) fn lines(url: &str, body: &str) -> String {
-    let post =
-        format!("  curl -s {url}{} -H 'content-type: application/json' -d '{body}'", points_path());
+    let post = post(url, &points_path(), body);
     let gets = PATHS.iter().map(|path| format!("  curl -s {url}{path}"));
     gets.chain([post]).collect::<Vec<_>>().join("\n")
+}
+
+/// A line that posts JSON.
+pub(super) fn post(url: &str, path: &str, body: &str) -> String {
+    format!("  curl -s {url}{path} -H 'content-type: application/json' -d '{body}'")
 }
 
 /// Asks what the lines ask; the answers about the places.

@@ -35,6 +35,20 @@ pub(super) struct Received<T> {
     pub(super) share: Share,
 }
 
+/// The largest body of a kind, and what it is for.
+#[derive(Debug, Clone)]
+pub(super) struct Most {
+    pub(super) bytes: usize,
+    pub(super) what: String,
+}
+
+impl Most {
+    /// A body of as many points as there may be.
+    pub(super) fn points(bytes: usize, max_points: usize) -> Self {
+        Self { bytes, what: format!("{max_points} points (server.max_points)") }
+    }
+}
+
 /// A part of the memory for bodies, given back when it is dropped.
 #[derive(Debug)]
 pub(super) struct Share {
@@ -49,7 +63,7 @@ impl Share {
     }
 
     /// Makes room for `bytes` in all, or refuses: whoever waited would hold what others wait for.
-    fn grow(&mut self, bytes: usize) -> Result<(), Refusal> {
+    pub(super) fn grow(&mut self, bytes: usize) -> Result<(), Refusal> {
         let units = bytes.div_ceil(UNIT_BYTES) - self.bytes.div_ceil(UNIT_BYTES);
         let more = u32::try_from(units)
             .ok()
@@ -69,15 +83,15 @@ impl Share {
     }
 }
 
-/// Reads a body of at most `most` bytes straight into the memory of its values, so that they are
+/// Reads a body of at most so many bytes straight into the memory of its values, so that they are
 /// aligned and copied once.
 pub(super) async fn receive<T: Pod>(
     body: Body,
-    most: usize,
+    most: Most,
     limits: &Limits,
     memory: &Arc<Semaphore>,
 ) -> Result<Received<T>, Refusal> {
-    let filled = fill(body, most, limits.max_points, Share::new(memory));
+    let filled = fill(body, most, Share::new(memory));
     tokio::time::timeout(limits.body_time, filled).await.unwrap_or_else(|_| {
         Err(Refusal::too_slow(format!("did not arrive within {:?}", limits.body_time)))
     })
@@ -85,15 +99,11 @@ pub(super) async fn receive<T: Pod>(
 
 async fn fill<T: Pod>(
     mut body: Body,
-    most: usize,
-    max_points: usize,
+    Most { bytes: most, what }: Most,
     mut share: Share,
 ) -> Result<Received<T>, Refusal> {
-    let too_large = |bytes: u64| {
-        Refusal::too_large(format!(
-            "{bytes} bytes; the limit is {most}, for {max_points} points (server.max_points)"
-        ))
-    };
+    let too_large =
+        |bytes: u64| Refusal::too_large(format!("{bytes} bytes; the limit is {most}, for {what}"));
     let expected = body.size_hint().lower();
     if expected > most as u64 {
         return Err(too_large(expected));
@@ -165,19 +175,23 @@ mod tests {
     }
 
     fn limits() -> Limits {
-        Limits { body_bytes: 4096, ..Limits::new(100) }
+        Limits { body_bytes: 4096, ..Limits::new(100, 100) }
+    }
+
+    fn most() -> Most {
+        Most::points(100, 8)
     }
 
     #[tokio::test]
     async fn values_arrive_whole_however_they_are_cut() {
         let (limits, memory) = (limits(), Arc::new(Semaphore::new(4)));
         let body = parts(&[&[1, 0, 0], &[0], &[], &[2, 0, 0, 0, 3], &[9]]);
-        let received = receive::<u32>(body, 100, &limits, &memory).await.expect("small");
+        let received = receive::<u32>(body, most(), &limits, &memory).await.expect("small");
         assert_eq!((received.bytes, &received.values[..]), (10, &[1, 2, 0x0903][..]));
         assert_eq!(memory.available_permits(), 3);
         drop(received);
         assert_eq!(memory.available_permits(), 4);
-        let none = receive::<u32>(Body::empty(), 100, &limits, &memory).await.expect("empty");
+        let none = receive::<u32>(Body::empty(), most(), &limits, &memory).await.expect("empty");
         assert!(none.values.is_empty());
     }
 
@@ -185,15 +199,16 @@ mod tests {
     async fn what_does_not_fit_is_refused_with_its_limit() {
         let (limits, memory) = (limits(), Arc::new(Semaphore::new(1)));
         for body in [parts(&[&[0; 60], &[0; 60]]), Body::from(vec![0; 101])] {
-            let refusal = receive::<u8>(body, 100, &limits, &memory).await.expect_err("too large");
+            let refusal =
+                receive::<u8>(body, most(), &limits, &memory).await.expect_err("too large");
             assert!(format!("{refusal:?}").contains("the limit is 100"), "{refusal:?}");
         }
-        let first = receive::<u8>(Body::from(vec![0; 80]), 100, &limits, &memory).await;
-        let second = receive::<u8>(Body::from(vec![0; 80]), 100, &limits, &memory).await;
+        let first = receive::<u8>(Body::from(vec![0; 80]), most(), &limits, &memory).await;
+        let second = receive::<u8>(Body::from(vec![0; 80]), most(), &limits, &memory).await;
         let refusal = second.expect_err("no memory left");
         assert!(format!("{refusal:?}").contains("RESOURCE_EXHAUSTED"), "{refusal:?}");
         drop(first);
-        assert!(receive::<u8>(Body::from(vec![0; 80]), 100, &limits, &memory).await.is_ok());
+        assert!(receive::<u8>(Body::from(vec![0; 80]), most(), &limits, &memory).await.is_ok());
     }
 
     #[tokio::test]
@@ -203,7 +218,7 @@ mod tests {
             Result<Frame<Bytes>, Infallible>,
         >());
         let memory = Arc::new(Semaphore::new(1));
-        let refusal = receive::<u8>(Body::new(silent), 100, &limits, &memory).await;
+        let refusal = receive::<u8>(Body::new(silent), most(), &limits, &memory).await;
         assert!(format!("{:?}", refusal.expect_err("silent")).contains("1ms"));
     }
 }

@@ -8,8 +8,11 @@ pub(super) const RAW_POINT_BYTES: usize = 12;
 const JSON_POINT_BYTES: usize = 64;
 /// Room for the rest of a JSON body.
 const JSON_OPTIONS_BYTES: usize = 4096;
-/// Memory of the bodies under way, in bodies of the largest size.
+/// A pixel of the largest image: three f32.
+const PIXEL_BYTES: usize = 12;
+/// Memory of the bodies under way, in bodies and in images of the largest size.
 const LARGEST_BODIES: usize = 4;
+const LARGEST_IMAGES: usize = 2;
 
 /// The bounds of one server.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,6 +25,8 @@ pub(super) struct Limits {
     /// The largest body, bytes.
     pub(super) json_bytes: usize,
     pub(super) raw_bytes: usize,
+    /// The largest image, bytes.
+    pub(super) image_bytes: usize,
     /// All bodies and answers under way, bytes.
     pub(super) body_bytes: usize,
     /// The request line and the headers, bytes.
@@ -42,16 +47,18 @@ pub(super) struct Limits {
 }
 
 impl Limits {
-    /// The bounds for questions of up to `max_points` points.
-    pub(super) fn new(max_points: usize) -> Self {
+    /// The bounds for questions of up to `max_points` points and images of up to `max_pixels` pixels.
+    pub(super) fn new(max_points: usize, max_pixels: usize) -> Self {
         let json_bytes = max_points * JSON_POINT_BYTES + JSON_OPTIONS_BYTES;
+        let image_bytes = max_pixels * PIXEL_BYTES;
         Self {
             max_points,
             connections: 256,
             requests: 64,
             json_bytes,
             raw_bytes: max_points * RAW_POINT_BYTES,
-            body_bytes: json_bytes * LARGEST_BODIES,
+            image_bytes,
+            body_bytes: json_bytes * LARGEST_BODIES + image_bytes * LARGEST_IMAGES,
             header_bytes: 16 << 10,
             header_time: Duration::from_secs(30),
             body_time: Duration::from_secs(30),

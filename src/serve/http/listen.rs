@@ -36,9 +36,13 @@ pub struct Door {
 }
 
 impl Door {
-    /// Starts to answer on `listener`, within a runtime. `max_points` bounds bodies.
-    pub fn open(listener: TcpListener, max_points: usize) -> std::io::Result<Self> {
-        Self::within(listener, Limits::new(max_points))
+    /// Starts to answer on `listener`, within a runtime. `max_points` and `max_pixels` bound bodies.
+    pub fn open(
+        listener: TcpListener,
+        max_points: usize,
+        max_pixels: usize,
+    ) -> std::io::Result<Self> {
+        Self::within(listener, Limits::new(max_points, max_pixels))
     }
 
     pub(super) fn within(listener: TcpListener, limits: Limits) -> std::io::Result<Self> {

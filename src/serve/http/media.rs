@@ -22,29 +22,48 @@ impl Media {
         let name = value.unwrap_or_default().split(';').next().unwrap_or_default().trim();
         let known = NAMES.iter().find(|(_, known)| known.eq_ignore_ascii_case(name));
         known.map(|(media, _)| *media).ok_or_else(|| {
-            let status = StatusCode::UNSUPPORTED_MEDIA_TYPE;
-            let problem = format!("'{name}' is neither {} nor {}", NAMES[0].1, NAMES[1].1);
-            Refusal::new(status, "UNSUPPORTED_MEDIA_TYPE", problem).of("content-type")
+            unsupported(format!("'{name}' is neither {} nor {}", NAMES[0].1, NAMES[1].1))
         })
+    }
+
+    /// Refuses a body that does not say that it is JSON.
+    pub(super) fn json_body(headers: &HeaderMap) -> Result<(), Refusal> {
+        match Self::of_body(headers)? {
+            Self::Json => Ok(()),
+            Self::Raw => {
+                let problem = format!("'{}' is not {}", NAMES[1].1, NAMES[0].1);
+                Err(unsupported(problem))
+            }
+        }
     }
 
     /// What the client likes best; without a preference, the form of the question.
     pub(super) fn of_answer(headers: &HeaderMap, question: Self) -> Result<Self, Refusal> {
+        let other = if question == Self::Json { Self::Raw } else { Self::Json };
+        let forms = [question, other];
+        Ok(forms[Self::best(headers, &forms.map(Self::name))?])
+    }
+
+    /// The place of the type that the client likes best; of those that it likes as well, the first.
+    pub(super) fn best(headers: &HeaderMap, types: &[&str]) -> Result<usize, Refusal> {
         let mut likes = Vec::new();
         for value in headers.get_all(header::ACCEPT) {
             likes.extend(value.to_str().unwrap_or_default().split(',').filter_map(like));
         }
         if likes.is_empty() {
-            return Ok(question);
+            return Ok(0);
         }
-        let weight = |media: Self| weight(&likes, media);
-        let other = if question == Self::Json { Self::Raw } else { Self::Json };
-        let best = if weight(other) > weight(question) { other } else { question };
-        if weight(best) > 0.0 {
-            return Ok(best);
+        let (mut best, mut most) = (None, 0.0);
+        for (at, name) in types.iter().enumerate() {
+            let weight = weight(&likes, name);
+            if weight > most {
+                (best, most) = (Some(at), weight);
+            }
         }
-        let problem = format!("there are {} and {}", NAMES[0].1, NAMES[1].1);
-        Err(Refusal::new(StatusCode::NOT_ACCEPTABLE, "NOT_ACCEPTABLE", problem).of("accept"))
+        best.ok_or_else(|| {
+            let problem = format!("there are {}", types.join(" and "));
+            Refusal::new(StatusCode::NOT_ACCEPTABLE, "NOT_ACCEPTABLE", problem).of("accept")
+        })
     }
 
     fn name(self) -> &'static str {
@@ -65,13 +84,19 @@ fn like(entry: &str) -> Option<(String, f32)> {
     Some((range, quality.and_then(|q| q.parse().ok()).unwrap_or(1.0)))
 }
 
-/// The weight of the most specific entry that covers a form.
-fn weight(likes: &[(String, f32)], media: Media) -> f32 {
-    ["*/*", "application/*", media.name()]
+/// The weight of the most specific entry that covers a type.
+fn weight(likes: &[(String, f32)], name: &str) -> f32 {
+    let group = name.split('/').next().unwrap_or_default();
+    ["*/*", &format!("{group}/*"), name]
         .iter()
         .filter_map(|range| likes.iter().find(|(like, _)| like == range))
         .next_back()
         .map_or(0.0, |(_, weight)| *weight)
+}
+
+fn unsupported(problem: String) -> Refusal {
+    let status = StatusCode::UNSUPPORTED_MEDIA_TYPE;
+    Refusal::new(status, "UNSUPPORTED_MEDIA_TYPE", problem).of("content-type")
 }
 
 #[cfg(test)]

@@ -1,8 +1,9 @@
-//! The HTTP edge: the verbs of `service` in JSON and in raw numbers, probes, metrics, and the
+//! The HTTP edge: the verbs of `service` in JSON, raw numbers and images, probes, metrics, and the
 //! document that describes them.
 
 mod body;
 mod guard;
+mod images;
 mod limits;
 mod listen;
 mod maps;
@@ -10,6 +11,7 @@ mod media;
 mod metrics;
 mod openapi;
 mod options;
+mod parse;
 mod points;
 mod probes;
 mod refusal;
@@ -95,7 +97,7 @@ impl Edge {
 }
 
 /// Every path, for the counters and for the tests of the document.
-const ROUTES: [&str; 11] = [
+const ROUTES: [&str; 12] = [
     "/",
     "/healthz",
     "/livez",
@@ -107,10 +109,12 @@ const ROUTES: [&str; 11] = [
     "/v1/maps/{map}/stats",
     "/v1/maps/{map}/reset",
     "/v1/maps/{map}/query/points",
+    "/v1/maps/{map}/render",
 ];
 
 fn router(edge: Arc<Edge>) -> Router {
-    let [root, healthz, livez, readyz, metrics, openapi, maps, map, stats, reset, points] = ROUTES;
+    let [root, healthz, livez, readyz, metrics, openapi, rest @ ..] = ROUTES;
+    let [maps, map, stats, reset, points, render] = rest;
     Router::new()
         .route(root, get(probes::about))
         .route(healthz, get(probes::healthy))
@@ -123,6 +127,7 @@ fn router(edge: Arc<Edge>) -> Router {
         .route(stats, get(maps::stats))
         .route(reset, post(maps::reset))
         .route(points, post(points::query))
+        .route(render, post(images::render))
         .fallback(|uri: Uri| async move { Refusal::no_route(uri.path()) })
         .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
             Refusal::wrong_method(method, uri.path())

@@ -8,24 +8,26 @@ use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
 use utoipa::{IntoParams, IntoResponses, OpenApi, ToSchema};
 
 use super::limits::Limits;
-use super::{maps, points, probes, refusal};
+use super::{images, maps, points, probes, refusal};
 
 #[derive(OpenApi)]
 #[openapi(
-    info(description = "A map server for robots: signed distance and occupancy, asked over HTTP. \
+    info(description = "A map server for robots: signed distance, occupancy and color, asked over HTTP. \
         Metres, seconds, world axes with z up; distance positive in free space. Every error is \
         JSON of one shape. A client that waits no longer than so many milliseconds says it in the \
         header `orenx-timeout-ms`, with any request."),
     servers((url = "/")),
     paths(
         probes::about, probes::healthy, probes::alive, probes::ready, probes::metrics,
-        probes::openapi, maps::list, maps::detail, maps::stats, maps::reset, points::query
+        probes::openapi, maps::list, maps::detail, maps::stats, maps::reset, points::query,
+        images::render
     ),
     components(schemas(refusal::ErrorReply)),
     tags(
         (name = "server", description = "Who is there, and is it well?"),
         (name = "maps", description = "Which maps there are and how they are."),
-        (name = "query", description = "Questions about places.")
+        (name = "query", description = "Questions about places."),
+        (name = "render", description = "Images from places.")
     )
 )]
 struct Document;
@@ -93,6 +95,15 @@ impl IntoResponses for PointRefusals {
     }
 }
 
+/// What a question for an image may be answered instead.
+pub(super) struct ImageRefusals;
+
+impl IntoResponses for ImageRefusals {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        refusals(&[404, 406, 408, 409, 413, 415, 429])
+    }
+}
+
 fn refusals(statuses: &[u16]) -> BTreeMap<String, RefOr<Response>> {
     let everywhere = [400, 403, 431, 500, 503, 504];
     let named = |status: &u16| {
@@ -115,8 +126,8 @@ fn meaning(status: u16) -> &'static str {
         406 => "NOT_ACCEPTABLE: there is no answer in the form that `accept` asks for.",
         408 => "REQUEST_TIMEOUT: the body did not arrive in time.",
         409 => "FAILED_PRECONDITION: the map is not as new as the question demands.",
-        413 => "PAYLOAD_TOO_LARGE: more points than `server.max_points`.",
-        415 => "UNSUPPORTED_MEDIA_TYPE: the body is neither JSON nor raw.",
+        413 => "PAYLOAD_TOO_LARGE: more than the largest question takes, by `server.max_points`.",
+        415 => "UNSUPPORTED_MEDIA_TYPE: the body is none of the forms that are read here.",
         429 => "RESOURCE_EXHAUSTED: a bound was reached; try again later.",
         431 => "HEADERS_TOO_LARGE.",
         503 => "UNAVAILABLE: the server is starting or stopping.",

@@ -22,6 +22,7 @@ pub(super) enum Field {
     Gradient,
     Occupancy,
     State,
+    Color,
 }
 
 /// How an answer treats what nobody has seen: `report` with null (raw: NaN), `free` as open space,
@@ -49,11 +50,12 @@ pub(super) struct Options {
 /// The largest integer that JSON readers in all languages hold exactly: 2^53 - 1.
 pub(super) const MAX_INTEGER: u64 = (1 << 53) - 1;
 
-const FIELDS: [(&str, Field); 4] = [
+const FIELDS: [(&str, Field); 5] = [
     ("distance", Field::Distance),
     ("gradient", Field::Gradient),
     ("occupancy", Field::Occupancy),
     ("state", Field::State),
+    ("color", Field::Color),
 ];
 const POLICIES: [(&str, Policy); 3] =
     [("report", Policy::Report), ("free", Policy::Free), ("occupied", Policy::Occupied)];
@@ -100,13 +102,8 @@ impl Options {
 
     /// Refuses numbers that JSON does not hold exactly: no epoch and no age is so large.
     pub(super) fn check(&self) -> Result<(), Refusal> {
-        for (key, number) in [("min_epoch", self.min_epoch), ("max_age_ms", self.max_age_ms)] {
-            if let Some(number) = number.filter(|number| *number > MAX_INTEGER) {
-                let problem = format!("{number} must be within 0..={MAX_INTEGER}");
-                return Err(Error::invalid(key, problem).into());
-            }
-        }
-        Ok(())
+        check_integer("min_epoch", self.min_epoch)?;
+        check_integer("max_age_ms", self.max_age_ms)
     }
 
     /// These, and where they leave something out the others.
@@ -134,7 +131,7 @@ impl Options {
                 gradient: has(Field::Gradient),
                 occupancy: has(Field::Occupancy),
                 state: has(Field::State),
-                color: false,
+                color: has(Field::Color),
             },
             min_epoch: self.min_epoch.unwrap_or_default(),
             max_age: self.max_age_ms.filter(|ms| *ms > 0).map(Duration::from_millis),
@@ -147,6 +144,17 @@ impl Options {
                 distance_m: self.unknown_distance_m,
             },
         }
+    }
+}
+
+/// Refuses a number that JSON does not hold exactly.
+pub(super) fn check_integer(key: &str, number: Option<u64>) -> Result<(), Refusal> {
+    match number.filter(|number| *number > MAX_INTEGER) {
+        Some(number) => {
+            let problem = format!("{number} must be within 0..={MAX_INTEGER}");
+            Err(Error::invalid(key, problem).into())
+        }
+        None => Ok(()),
     }
 }
 

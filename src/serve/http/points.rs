@@ -8,16 +8,15 @@ use axum::http::{HeaderName, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use bytes::Bytes;
 use glam::Vec3;
-use serde::de::{Deserializer, Error as _};
 use serde::{Deserialize, Serialize};
-use serde_json::Number;
 use utoipa::ToSchema;
 
-use super::body::{Parts, Received, Share, receive};
+use super::body::{Most, Parts, Received, Share, receive};
 use super::limits::RAW_POINT_BYTES;
 use super::media::Media;
 use super::openapi::{self, PointRefusals};
-use super::options::{Field, MAX_INTEGER, Options, Policy};
+use super::options::{Field, Options, Policy};
+use super::parse::{parse, whole};
 use super::refusal::Refusal;
 use super::{Edge, JSON, MapId, schemas};
 use crate::error::Error;
@@ -28,7 +27,7 @@ use crate::wire::{COLUMNS, EPOCH, NEWEST_STAMP_NS, POINTS, SERVER_US, columns_to
 /// JSON of more bytes than this is read and written off the network threads.
 const IN_PLACE_BYTES: usize = 64 << 10;
 /// About what a point takes in a JSON answer, bytes.
-const JSON_ANSWER_BYTES: usize = 64;
+const JSON_ANSWER_BYTES: usize = 96;
 
 /// A question about points. What it leaves out may stand in the query string.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -74,9 +73,12 @@ pub(super) struct PointsAnswer {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(schema_with = schemas::states, required = false)]
     state: Option<Vec<u8>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(schema_with = schemas::colors, required = false)]
+    color: Option<Vec<Vec3>>,
 }
 
-/// Distance, gradient, occupancy and state at points
+/// Distance, gradient, occupancy, state and color at points
 ///
 /// One answer comes from one epoch. It has the form that `accept` prefers: JSON, or the columns as
 /// little-endian numbers back to back, with their names, types, widths and offsets in the header
@@ -130,9 +132,10 @@ pub(super) async fn query(
 
 async fn read_json(edge: &Edge, body: Body) -> Result<(Vec<Vec3>, Options, Share), Refusal> {
     let limits = &edge.limits;
-    let received = receive::<u8>(body, limits.json_bytes, limits, &edge.memory).await?;
+    let most = Most::points(limits.json_bytes, limits.max_points);
+    let received = receive::<u8>(body, most, limits, &edge.memory).await?;
     let Received { values, bytes, share } = received;
-    let request = off_thread(bytes, move || parse(&values)).await?;
+    let request: PointsRequest = off_thread(bytes, move || parse(&values)).await?;
     let options = Options {
         frame_id: request.frame_id,
         fields: request.fields,
@@ -145,49 +148,10 @@ async fn read_json(edge: &Edge, body: Body) -> Result<(Vec<Vec3>, Options, Share
     Ok((request.points_m, options, share))
 }
 
-/// A failure is looked for a second time, at leisure, to find its place.
-fn parse(body: &[u8]) -> Result<PointsRequest, Refusal> {
-    serde_json::from_slice(body).map_err(|error| {
-        let mut again = serde_json::Deserializer::from_slice(body);
-        match serde_path_to_error::deserialize::<_, PointsRequest>(&mut again) {
-            Err(error) => {
-                let field = field_of(&error.path().to_string());
-                Error::invalid(field, error.inner().to_string()).into()
-            }
-            // Whole, but something follows.
-            Ok(_) => Error::invalid("body", error.to_string()).into(),
-        }
-    })
-}
-
-/// A whole number, or null. JSON knows one kind of number: 7.0 is 7.
-fn whole<'de, D: Deserializer<'de>>(json: D) -> Result<Option<u64>, D::Error> {
-    let Some(number) = Option::<Number>::deserialize(json)? else { return Ok(None) };
-    let range = 0.0..=MAX_INTEGER as f64;
-    let is_whole = |n: &f64| n.fract() == 0.0 && range.contains(n);
-    let whole = number.as_u64().or_else(|| number.as_f64().filter(is_whole).map(|n| n as u64));
-    let problem = format_args!("{number} must be whole and within 0..={MAX_INTEGER}");
-    whole.map(Some).ok_or_else(|| D::Error::custom(problem))
-}
-
-/// A path as the other transports name it: the third number of a point is its z.
-fn field_of(path: &str) -> String {
-    let axis = |rest: &str| match rest {
-        "[0]" => Some(".x"),
-        "[1]" => Some(".y"),
-        "[2]" => Some(".z"),
-        _ => None,
-    };
-    match path.strip_prefix("points_m").and_then(|rest| rest.split_once(']')) {
-        Some((index, rest)) if let Some(axis) = axis(rest) => format!("points_m{index}]{axis}"),
-        _ if path == "." => "body".into(),
-        _ => path.into(),
-    }
-}
-
 async fn read_raw(edge: &Edge, body: Body) -> Result<(Vec<Vec3>, Share), Refusal> {
     let limits = &edge.limits;
-    let received = receive::<Vec3>(body, limits.raw_bytes, limits, &edge.memory).await?;
+    let most = Most::points(limits.raw_bytes, limits.max_points);
+    let received = receive::<Vec3>(body, most, limits, &edge.memory).await?;
     let Received { values, bytes, share } = received;
     if !bytes.is_multiple_of(RAW_POINT_BYTES) {
         let problem =
@@ -210,6 +174,7 @@ fn write_json(reply: PointsReply, fields: Fields, points: usize) -> Result<Vec<u
         gradient: column(fields.gradient, answers.gradient, points),
         occupancy: column(fields.occupancy, answers.occupancy, points),
         state: column(fields.state, answers.state, points),
+        color: column(fields.color, answers.color, points),
     };
     serde_json::to_vec(&answer)
         .map_err(|e| Error::Internal(format!("an answer did not become JSON: {e}")).into())
@@ -248,8 +213,12 @@ async fn off_thread<T: Send + 'static>(
 mod tests {
     use super::*;
 
+    fn read(body: &[u8]) -> Result<PointsRequest, Refusal> {
+        parse(body)
+    }
+
     fn problem(body: &str) -> String {
-        format!("{:?}", parse(body.as_bytes()).expect_err(body))
+        format!("{:?}", read(body.as_bytes()).expect_err(body))
     }
 
     #[test]
@@ -279,9 +248,9 @@ mod tests {
             assert!(problem.contains(expected), "{body}: {problem}");
         }
         let good = r#"{"points_m":[[1,2.5,-3e-1]],"fields":null,"unknown_policy":"free"}"#;
-        assert_eq!(parse(good.as_bytes()).expect(good).points_m, [Vec3::new(1.0, 2.5, -0.3)]);
+        assert_eq!(read(good.as_bytes()).expect(good).points_m, [Vec3::new(1.0, 2.5, -0.3)]);
         let whole = r#"{"points_m":[],"min_epoch":7.0,"max_age_ms":null}"#;
-        let request = parse(whole.as_bytes()).expect(whole);
+        let request = read(whole.as_bytes()).expect(whole);
         assert_eq!((request.min_epoch, request.max_age_ms), (Some(7), None));
     }
 }

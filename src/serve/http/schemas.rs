@@ -69,6 +69,26 @@ pub(super) fn states() -> Schema {
     list(state.enum_values(Some([0, 1, 2]))).description(Some(text)).into()
 }
 
+pub(super) fn colors() -> Schema {
+    let text = "[r, g, b] of the surface close by, sRGB within 0..1; three nulls where none was seen \
+                with a color, whatever the unknown_policy.";
+    list(three(number(&[Type::Null]))).description(Some(text)).into()
+}
+
+// Cameras.
+
+pub(super) fn translation() -> Schema {
+    let within = number(&[]).minimum(Some(-MAX_COORDINATE_M)).maximum(Some(MAX_COORDINATE_M));
+    three(within).description(Some("[x, y, z] of the camera, world metres.")).into()
+}
+
+pub(super) fn rotation() -> Schema {
+    let text = "[x, y, z, w] of a unit quaternion. A length that is off by up to 1e-2 is normalised; \
+                more is refused.";
+    let one = number(&[]).minimum(Some(-1.01)).maximum(Some(1.01));
+    list(one).min_items(Some(4)).max_items(Some(4)).description(Some(text)).into()
+}
+
 // Options, where null is the same as leaving them out.
 
 pub(super) fn frame_id() -> Schema {
@@ -89,6 +109,11 @@ pub(super) fn max_age() -> Schema {
     let text = "Fails with FAILED_PRECONDITION if the newest frame of that epoch came to the server \
                 longer ago than this, ms. 0: any age.";
     integer_or_null().description(Some(text)).into()
+}
+
+pub(super) fn jpeg_quality() -> Schema {
+    let text = "1 to 100 of a JPEG; 85 by default. Refused with other encodings.";
+    integer_or_null().minimum(Some(1)).maximum(Some(100)).description(Some(text)).into()
 }
 
 pub(super) fn unknown_distance() -> Schema {

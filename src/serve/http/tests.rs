@@ -20,7 +20,7 @@ async fn open(change: impl FnOnce(&mut Limits)) -> (Door, Engine) {
     let (config, _) = ServerConfig::from_settings(&settings).expect("defaults");
     let map = MapConfig::from_settings(&MapSettings::default()).expect("defaults");
     let (service, engine) = Service::start(&config, map).expect("an empty map");
-    let mut limits = Limits::new(POINTS);
+    let mut limits = Limits::new(POINTS, 4_000_000);
     change(&mut limits);
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
     let door = Door::within(listener, limits).expect("open");
@@ -86,7 +86,7 @@ async fn who_never_reads_is_left_and_its_memory_comes_back() {
     let head = format!("{HEAD}content-length: {}\r\n\r\n", 12 * POINTS);
     stream.write_all(head.as_bytes()).await.expect("sent");
     stream.write_all(&vec![0; 12 * POINTS]).await.expect("sent");
-    // Its answer of 21 MB is more than sockets hold.
+    // Its answer of 33 MB is more than sockets hold.
     until(|| door.edge.memory.available_permits() < memory).await;
     until(|| door.edge.memory.available_permits() == memory).await;
     let mut received = Vec::new();
@@ -126,7 +126,7 @@ async fn a_connection_that_never_ends_does_not_hold_up_the_end() {
 #[test]
 fn the_document_has_every_route_and_no_other() {
     let document: Value =
-        serde_json::from_slice(&openapi::document(&Limits::new(7))).expect("our own");
+        serde_json::from_slice(&openapi::document(&Limits::new(7, 4_000_000))).expect("our own");
     assert_eq!(document["openapi"], "3.1.0");
     let paths = document["paths"].as_object().expect("paths");
     let described: BTreeSet<&str> = paths.keys().map(String::as_str).collect();

@@ -14,7 +14,9 @@ const QUESTIONS: &str = "/orenx.v1.Query/StreamQuery";
 const STATS: &str = "/orenx.v1.Maps/GetMapStats";
 const RESET: &str = "/orenx.v1.Maps/ResetMap";
 const FRAMES: &str = "/orenx.v1.Ingest/StreamFrames";
-const EVERY: &[&str] = &[POINTS, QUESTIONS, STATS, RESET, FRAMES];
+const IMAGE: &str = "/orenx.v1.Render/Render";
+const IMAGES: &str = "/orenx.v1.Render/RenderStream";
+const EVERY: &[&str] = &[POINTS, QUESTIONS, STATS, RESET, FRAMES, IMAGE, IMAGES];
 const GARBAGE: &[&str] = &["no valid protobuf"];
 
 /// What is sent, to whom, with which time limit, whether the client goes on talking, and what it
@@ -74,7 +76,6 @@ fn no_calls() -> Vec<Bad> {
         huge("10 million points", &[POINTS, QUESTIONS], sent(&question(DEFAULT_MAP, 10_000_000))),
         huge("100 MB", EVERY, envelope(&vec![0; 100_000_000])),
         no_such(&["/orenx.v1.Query/QueryText"]),
-        no_such(&["/orenx.v1.Render/Render"]),
         Bad {
             timeout: Some("20m"),
             is_open: true,

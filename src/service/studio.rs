@@ -1,0 +1,160 @@
+//! The threads that draw images: one image at a time, however many are asked for, so that the cores
+//! never have more than one of them between the questions.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use tokio::sync::Semaphore;
+
+use super::image::{ImageKind, ImageQuestion};
+use crate::error::{Error, Result};
+use crate::map::{MapView, Output, RenderSettings, render};
+use crate::threads::Urgency;
+
+/// Questions that wait for their turn or are drawn.
+const PLACES: usize = 32;
+
+/// A pool of drawing threads and the line before it, first come first served.
+pub(super) struct Studio {
+    pool: Arc<ThreadPool>,
+    turn: Arc<Semaphore>,
+    places: Semaphore,
+}
+
+/// Drops a drawing whose reader has gone, at its next tile.
+struct CancelOnDrop(Arc<AtomicBool>);
+
+impl Drop for CancelOnDrop {
+    fn drop(&mut self) {
+        self.0.store(true, Relaxed);
+    }
+}
+
+impl Studio {
+    pub(super) fn start(threads: usize) -> Result<Self> {
+        let pool = ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .thread_name(|index| format!("orenx-render-{index}"))
+            // A question that arrives meanwhile takes the processor at once.
+            .start_handler(|_| Urgency::Patient.declare())
+            .build()
+            .map_err(|e| Error::Internal(format!("a drawing thread did not start: {e}")))?;
+        Ok(Self {
+            pool: Arc::new(pool),
+            turn: Arc::new(Semaphore::new(1)),
+            places: Semaphore::new(PLACES),
+        })
+    }
+
+    /// The images of a checked question, and how long it waited for its turn. Dropping the future
+    /// leaves the rest of the drawing at its next tile.
+    pub(super) async fn draw(
+        &self,
+        view: Arc<MapView>,
+        question: ImageQuestion,
+    ) -> Result<(Vec<(ImageKind, Vec<u8>)>, Duration)> {
+        let asked = Instant::now();
+        let _place = self.places.try_acquire().map_err(|_| Error::ResourceExhausted {
+            what: "images that wait to be drawn".into(),
+            limit: format!("the limit is {PLACES}"),
+        })?;
+        let turn = self.turn.clone().acquire_owned().await.map_err(internal)?;
+        let waited = asked.elapsed();
+        let left = Arc::new(AtomicBool::new(false));
+        let _cancel = CancelOnDrop(left.clone());
+        let pool = self.pool.clone();
+        let drawing = tokio::task::spawn_blocking(move || {
+            // Kept until the drawing has stopped, even if nobody waits for it.
+            let _turn = turn;
+            let drawn = || images(&view, &question, &pool, &left);
+            catch_unwind(AssertUnwindSafe(drawn))
+                .unwrap_or_else(|_| Err(Error::Internal("this image made the server fail".into())))
+        });
+        Ok((drawing.await.map_err(internal)??, waited))
+    }
+}
+
+fn internal(error: impl std::fmt::Display) -> Error {
+    Error::Internal(format!("an image was not drawn: {error}"))
+}
+
+fn images(
+    view: &MapView,
+    question: &ImageQuestion,
+    pool: &ThreadPool,
+    left: &AtomicBool,
+) -> Result<Vec<(ImageKind, Vec<u8>)>> {
+    let channels = Output::channels(question.images.iter().map(|kind| kind.output));
+    let settings = RenderSettings { renderer: question.renderer, ..RenderSettings::default() };
+    let interrupted = || left.load(Relaxed);
+    let rendering = render(view, &question.camera, channels, &settings, pool, &interrupted)
+        .ok_or_else(|| Error::Unavailable("nobody waits for this image any more".into()))?;
+    let encode = |kind: &ImageKind| Ok((*kind, rendering.encode(kind.output, kind.encoding)?));
+    pool.install(|| question.images.par_iter().map(encode).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::{MapConfig, MapSettings};
+    use crate::geometry::{Intrinsics, Pose};
+    use crate::map::{Camera, Encoding, Mapper};
+
+    fn view() -> Arc<MapView> {
+        let config = MapConfig::from_settings(&MapSettings::default()).expect("defaults");
+        Mapper::new(config).expect("an empty map").publish()
+    }
+
+    fn question(width: u32) -> ImageQuestion {
+        let intrinsics = Intrinsics { fx: 9.0, fy: 9.0, cx: 4.0, cy: 4.0, width, height: 8 };
+        let camera = Camera { world_from_camera: Pose::IDENTITY, intrinsics };
+        let kind = |output| ImageKind { output, encoding: Encoding::U8 };
+        ImageQuestion::new(camera, vec![kind(Output::Unknown), kind(Output::Color)])
+    }
+
+    #[tokio::test]
+    async fn images_come_in_the_order_of_the_question() {
+        let studio = Studio::start(2).expect("threads");
+        let (images, _waited) = studio.draw(view(), question(8)).await.expect("drawn");
+        let sizes: Vec<_> = images.iter().map(|(kind, bytes)| (kind.output, bytes.len())).collect();
+        assert_eq!(sizes, [(Output::Unknown, 64), (Output::Color, 192)]);
+        assert_eq!(images[0].1, [1; 64], "an empty map knows nothing");
+        assert_eq!(
+            (studio.turn.available_permits(), studio.places.available_permits()),
+            (1, PLACES)
+        );
+    }
+
+    #[tokio::test]
+    async fn one_is_drawn_at_a_time_and_the_line_has_an_end() {
+        let studio = Studio::start(1).expect("a thread");
+        let turn = studio.turn.clone().acquire_owned().await.expect("open");
+        let view = view();
+        let mut waiting: Vec<_> =
+            (0..PLACES).map(|_| Box::pin(studio.draw(view.clone(), question(8)))).collect();
+        for drawing in &mut waiting {
+            let polled = std::future::poll_fn(|context| {
+                std::task::Poll::Ready(drawing.as_mut().poll(context).is_pending())
+            });
+            assert!(polled.await, "the turn is taken");
+        }
+        let error = studio.draw(view.clone(), question(8)).await.expect_err("full").to_string();
+        assert!(error.contains("the limit is 32"), "{error}");
+        waiting.truncate(1);
+        drop(turn);
+        for drawing in waiting {
+            drawing.await.expect("its turn");
+        }
+    }
+
+    #[test]
+    fn a_drawing_that_nobody_waits_for_is_left() {
+        let studio = Studio::start(1).expect("a thread");
+        let error = images(&view(), &question(8), &studio.pool, &AtomicBool::new(true));
+        assert!(error.is_err());
+    }
+}
