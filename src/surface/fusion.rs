@@ -173,13 +173,17 @@ impl Surface {
             gain,
             ..SurfaceChange::default()
         };
-        self.settle_and_split(topology, pool, &mut change.prior);
+        let sight = Sight::new(frame, &noise);
+        self.settle_and_split(&sight, epoch, topology, pool, &mut change.prior);
         change
     }
 
-    /// Lets waves run and splits leaves until neither changes anything.
+    /// Lets waves run and splits leaves until neither changes anything. A vertex that has come to
+    /// lie behind a plane is judged by the frame at once: no later one may see it again.
     fn settle_and_split(
         &mut self,
+        sight: &Sight<'_>,
+        epoch: u32,
         topology: &mut Topology,
         pool: &rayon::ThreadPool,
         change: &mut PriorChange,
@@ -187,7 +191,15 @@ impl Surface {
         // A leaf can be split at most down to the unit, once a round; the last round only settles.
         for round in 0..=self.lattice.brick {
             self.prior.settle(topology, &self.surfels);
-            let now = self.prior.evaluate(topology, &self.surfels, &self.evidence, pool);
+            let mut now = self.prior.evaluate(topology, &self.surfels, &self.evidence, pool);
+            let free: Vec<u32> = pool.install(|| {
+                let is_free = |row: &u32| self.seen_through_now(*row, sight, topology);
+                now.rows.par_iter().with_min_len(256).copied().filter(is_free).collect()
+            });
+            free.into_iter().for_each(|row| self.prior.see_free(row, epoch));
+            let again = self.prior.evaluate(topology, &self.surfels, &self.evidence, pool);
+            now.rows.extend(again.rows);
+            now.voided.extend(again.voided);
             let splits = split::find(self, topology, &now.rows, self.split_error_m, pool);
             change.measured.extend(now.measured);
             change.rows.extend(now.rows);
@@ -351,12 +363,7 @@ impl Surface {
             let cell = this.evidence.brick_cell(brick).map(|c| c << l.cell);
             let mut rows = Vec::new();
             topology.visit_rows(cell, l.brick, &mut |row| {
-                let surfel = this.prior.nearest(row);
-                let doubtful = surfel != NO_SURFEL
-                    && this.prior.seen_free(row) < this.surfels.get(surfel).born
-                    && this.prior.values()[row as usize][0] < 0.0;
-                let place = topology.positions()[row as usize];
-                if doubtful && sight.through(place, FREE_MARGIN_M) == Some(true) {
+                if this.seen_through_now(row, &sight, topology) {
                     rows.push(row);
                 }
             });
@@ -367,6 +374,17 @@ impl Surface {
         for row in seen.into_iter().flatten() {
             self.prior.see_free(row, epoch);
         }
+    }
+
+    /// Whether a frame sees through a vertex that a surfel's plane calls "behind", and none has since
+    /// the surfel was born.
+    fn seen_through_now(&self, row: u32, sight: &Sight<'_>, topology: &Topology) -> bool {
+        let surfel = self.prior.nearest(row);
+        let doubtful = surfel != NO_SURFEL
+            && self.prior.values()[row as usize][0] < 0.0
+            && self.prior.seen_free(row) < self.surfels.get(surfel).born;
+        let place = topology.positions()[row as usize];
+        doubtful && sight.through(place, FREE_MARGIN_M) == Some(true)
     }
 
     /// Vertices in cells that opened may change sign.

@@ -107,6 +107,7 @@ fn parameters(profile: Profile) -> StepParameters {
         occupancy_rate: 1e-2,
         decoder_rate: 1e-3,
         stencil: if profile == Profile::Full { Stencil::Central } else { Stencil::Forward },
+        radiance: None,
         weights: LossWeights::default(),
     }
 }
