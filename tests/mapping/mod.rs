@@ -5,6 +5,7 @@ mod bounds; // the root grows, the cost of a frame does not, memory has a limit
 mod fields; // distance, sign, gradient and state against the truth
 mod fixed; // the same input gives the same file: threads, interruption
 mod gpu; // the GPU backend makes the map that the CPU backend makes
+mod images; // drawn by tiles and by rays, against what a camera sees
 mod moved; // what is gone is gone
 mod variants; // learned prior, fewer modalities
 

@@ -31,6 +31,9 @@ pub(super) struct RenderBenchArgs {
     /// Profile of the map
     #[arg(long, default_value = "lite")]
     profile: Profile,
+    /// Edge length of its voxels of level 0, m
+    #[arg(long, value_name = "M", default_value_t = 0.1)]
+    r0: f32,
     /// Frames of the synthetic room that is mapped
     #[arg(long, value_name = "N", default_value_t = 150)]
     frames: usize,
@@ -161,7 +164,8 @@ impl RenderBenchArgs {
     }
 
     fn view(&self, recording: Recording) -> anyhow::Result<Arc<MapView>> {
-        let settings = MapSettings { profile: self.profile, ..MapSettings::default() };
+        let (profile, r0_m) = (self.profile, self.r0);
+        let settings = MapSettings { profile, r0_m, ..MapSettings::default() };
         let (mut mapper, _) = recording.map(&settings, None)?;
         Ok(mapper.publish_all()?)
     }

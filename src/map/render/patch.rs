@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::{Channels, Job, Rendering};
 use crate::map::view::Store;
-use crate::octree::locate;
+use crate::octree::Lookup;
 
 /// Side of a patch, pixels.
 pub(super) const SIDE: u32 = 16;
@@ -15,6 +15,8 @@ pub(super) const SIDE: u32 = 16;
 const RIM: f32 = 1e-4;
 /// How far along its ray a pixel looks for a colour, m.
 const BESIDE_M: f32 = 0.1;
+/// A sample that takes less of the light does not look beside itself for a colour.
+const BESIDE_WEIGHT: f32 = 0.2;
 
 /// A patch's place in the image, pixels; smaller than [`SIDE`] at the right and the lower border.
 #[derive(Debug, Clone, Copy)]
@@ -84,7 +86,10 @@ impl Paint {
         let rim = Vec3::splat(RIM * spot.size_m);
         let at = eye + spot.direction * spot.t;
         let inside = at.clamp(spot.low_m + rim, spot.low_m + spot.size_m - rim);
-        let color = store.color(spot.node, inside).or_else(|| beside(store, at, spot.direction));
+        let color = store.color(spot.node, inside).or_else(|| {
+            // Worth a search only where it would show.
+            if weight > BESIDE_WEIGHT { beside(store, at, spot.direction) } else { None }
+        });
         if let Some(color) = color {
             self.sum += color * weight;
             self.weight += weight;
@@ -102,10 +107,11 @@ impl Paint {
 fn beside(store: &Store, at: Vec3, direction: Vec3) -> Option<Vec3> {
     let step = direction.normalize_or_zero() * store.band.spacing_m();
     let steps = (BESIDE_M / store.band.spacing_m()).ceil() as i32;
+    let lookup = Lookup::new(store)?;
     (1..=steps).flat_map(|n| [n, -n]).find_map(|n| {
         let point = at + step * n as f32;
-        let voxel = locate(store, point)?;
-        store.color(voxel.node, point)
+        let voxel = lookup.find(point);
+        if voxel.is_some() { store.color(voxel.node, point) } else { None }
     })
 }
 

@@ -5,29 +5,41 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 
 use super::*;
-use crate::config::{MapConfig, MapSettings};
+use crate::config::{MapConfig, MapSettings, Profile};
 use crate::geometry::{Intrinsics, Pose};
 use crate::map::pages::PageTable;
 use crate::map::query_pool;
 use crate::map::view::{BrickPage, NODES, Node, ROWS, Store};
 use crate::modality::{Decoders, Row, occupancy, sdf};
 use crate::octree::{Explicit, NO_BLOCK, NO_NODE, NO_ROW, NodeSource, Topology, cell_of};
+use crate::surface::Lattice;
 
 const R0_M: f32 = 0.1;
 
 /// A view of a closed form: voxels of level 0 within 0.25 m of its surface, exact at their corners,
 /// and all of them observed.
 fn view_of(half_m: f32, field: impl Fn(Vec3) -> Explicit) -> MapView {
-    let config = MapConfig::from_settings(&MapSettings::default()).expect("good");
-    let mut topology = Topology::new(R0_M, 3);
+    view_in(Profile::Lite, half_m, field)
+}
+
+/// The same; in the profile `full` some voxels have some of their children.
+fn view_in(profile: Profile, half_m: f32, field: impl Fn(Vec3) -> Explicit) -> MapView {
+    let settings = MapSettings { profile, ..MapSettings::default() };
+    let config = MapConfig::from_settings(&settings).expect("good");
+    let lattice = Lattice::new(&config);
+    let mut topology = Topology::new(lattice.unit_m, lattice.brick);
     let cells = (half_m / R0_M) as i32;
     for z in -cells..cells {
         for y in -cells..cells {
             for x in -cells..cells {
                 let centre = (Vec3::new(x as f32, y as f32, z as f32) + 0.5) * R0_M;
                 // Larger voxels elsewhere, as space that was seen free has.
-                let log2 = u8::from(field(centre)[0].abs() > 0.25);
-                topology.insert(cell_of(centre, 1.0 / R0_M), log2).expect("fits");
+                let log2 = lattice.r0 + u8::from(field(centre)[0].abs() > 0.25);
+                let cell = cell_of(centre, 1.0 / lattice.unit_m);
+                topology.insert(cell, log2).expect("fits");
+                if (x * 7 + y * 5 + z * 3).rem_euclid(4) == 0 {
+                    topology.insert(cell, log2 - lattice.r0).expect("fits");
+                }
             }
         }
     }
@@ -113,11 +125,12 @@ fn ball(point: Vec3) -> Explicit {
 #[test]
 fn a_plane_is_exact() {
     let normal = Vec3::new(0.3, -0.5, 0.8).normalize();
-    let view = view_of(1.6, |p| [p.dot(normal) - 0.123, normal.x, normal.y, normal.z]);
+    let field = |p: Vec3| [p.dot(normal) - 0.123, normal.x, normal.y, normal.z];
     let camera = camera(DVec3::new(0.2, -0.7, 1.2), DVec3::new(0.1, 0.1, 0.0), 40, 30);
     let eye = camera.rays().eye;
-    for renderer in RENDERERS {
-        let image = draw(&view, &camera, renderer);
+    let views = [Profile::Lite, Profile::Full].map(|profile| view_in(profile, 1.6, field));
+    for (renderer, view) in RENDERERS.into_iter().flat_map(|r| views.iter().map(move |v| (r, v))) {
+        let image = draw(view, &camera, renderer);
         let mut hits = 0;
         each(&image, &camera, |depth, found, direction, i| {
             let expected = (0.123 - eye.dot(normal)) / direction.dot(normal);
