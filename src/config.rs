@@ -80,6 +80,10 @@ pub struct MapSettings {
     pub memory_mib: u32,
     /// Distance between vertices of colour, m; r0_m divided by the nearest of 1, 2, 4 and 8.
     pub color_spacing_m: f32,
+    /// Rays of a training step whose colours are compared with the camera's.
+    pub color_rays: u32,
+    /// Whether distances learn from these comparisons.
+    pub color_sharpens: bool,
 }
 
 impl Default for MapSettings {
@@ -96,6 +100,8 @@ impl Default for MapSettings {
             frame_budget_ms: 25.0,
             memory_mib: 4096,
             color_spacing_m: 0.025,
+            color_rays: 0,
+            color_sharpens: true,
         }
     }
 }
@@ -154,7 +160,18 @@ pub struct RadianceConfig {
     pub log2_side: u8,
     /// Every n-th pixel in u and v leaves its colour.
     pub stride: u32,
+    /// Rays of a training step that compare colours.
+    pub rays_per_step: u32,
+    /// Of the logits of vertices.
+    pub learning_rate: f32,
+    /// Of the mean difference of colours among the losses of the distance.
+    pub weight: f32,
+    /// Whether distances learn from colours.
+    pub sharpens: bool,
 }
+
+/// Most rays of a step that compare colours.
+const MAX_COLOR_RAYS: u32 = 1 << 16;
 
 impl RadianceConfig {
     fn new(settings: &MapSettings) -> Result<Self> {
@@ -164,11 +181,18 @@ impl RadianceConfig {
                 format!("{} must lie within 0.001..=1 m", settings.color_spacing_m),
             ));
         }
+        if settings.color_rays > MAX_COLOR_RAYS {
+            return Err(Error::invalid("color_rays", format!("at most {MAX_COLOR_RAYS}")));
+        }
         let full = settings.profile == Profile::Full;
         Ok(Self {
             log2_side: (settings.r0_m / settings.color_spacing_m).log2().round().clamp(0.0, 3.0)
                 as u8,
             stride: if full { 2 } else { 4 },
+            rays_per_step: settings.color_rays,
+            learning_rate: 0.01,
+            weight: 10.0,
+            sharpens: settings.color_sharpens,
         })
     }
 }
@@ -176,7 +200,14 @@ impl RadianceConfig {
 impl Default for RadianceConfig {
     /// That of a map without settings of its own for radiance.
     fn default() -> Self {
-        Self { log2_side: 2, stride: 4 }
+        Self {
+            log2_side: 2,
+            stride: 4,
+            rays_per_step: 0,
+            learning_rate: 0.01,
+            weight: 10.0,
+            sharpens: false,
+        }
     }
 }
 
@@ -234,7 +265,13 @@ impl MapConfig {
 
     /// Checks what a damaged or forged file could say and code relies on.
     pub fn checked(self) -> Result<Self> {
-        if self.radiance.log2_side > 3 || self.radiance.stride == 0 {
+        let radiance = &self.radiance;
+        if radiance.log2_side > 3
+            || radiance.stride == 0
+            || radiance.rays_per_step > MAX_COLOR_RAYS
+            || !radiance.learning_rate.is_finite()
+            || !radiance.weight.is_finite()
+        {
             return Err(Error::corrupt("settings", "of radiance lie outside of their limits"));
         }
         Ok(self)

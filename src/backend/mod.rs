@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::modality::decoder::Decoder;
 use crate::modality::losses::{LossWeights, Stencil};
 use crate::modality::{Decoders, OCCUPANCY_FEATURES, SDF_FEATURES};
@@ -73,6 +73,22 @@ pub struct StepParameters {
     pub decoder_rate: f32,
     pub stencil: Stencil,
     pub weights: LossWeights,
+    /// Where colours are trained on.
+    pub radiance: Option<RadianceParameters>,
+}
+
+/// How a step compares the colours of rays with those of cameras.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RadianceParameters {
+    pub rays: u32,
+    /// Learning rate of the logits of vertices.
+    pub rate: f32,
+    /// s of the density, 1/m.
+    pub sharpness: f32,
+    /// Of the mean |Ĉ − C| among the losses; it counts where the distances learn from it.
+    pub weight: f32,
+    /// Whether the distances learn from it.
+    pub sharpens: bool,
 }
 
 /// Mean losses of a step, each over the samples that paid it, before its weight.
@@ -85,13 +101,15 @@ pub struct Losses {
     pub eikonal_space: f64,
     pub occupancy: f64,
     pub consistency: f64,
+    /// Mean |Ĉ − C| of the rays whose colours were compared.
+    pub photometric: f64,
     /// The weighted sum that the step lowered.
     pub total: f64,
 }
 
 impl Losses {
     /// The losses by name.
-    pub fn named(&self) -> [(&'static str, f64); 8] {
+    pub fn named(&self) -> [(&'static str, f64); 9] {
         [
             ("boundary", self.boundary),
             ("perturbation", self.perturbation),
@@ -100,6 +118,7 @@ impl Losses {
             ("eikonal_space", self.eikonal_space),
             ("occupancy", self.occupancy),
             ("consistency", self.consistency),
+            ("photometric", self.photometric),
             ("total", self.total),
         ]
     }
@@ -197,6 +216,34 @@ pub struct BackendState {
     pub moments: Vec<RowMoments>,
     pub sdf: DecoderState,
     pub occupancy: DecoderState,
+    /// Empty where colours were not trained on.
+    pub colors: ColorRows,
+}
+
+/// The learned part of colours by vertex of the band: logits that are added to those of the
+/// closed form, Adam's memory, and step counts.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct ColorRows {
+    pub learned: Vec<[f32; 3]>,
+    pub first: Vec<[f32; 3]>,
+    pub second: Vec<[f32; 3]>,
+    pub steps: Vec<u32>,
+}
+
+impl ColorRows {
+    /// What a row takes, bytes.
+    pub const ROW_BYTES: usize = 3 * 12 + 4;
+
+    /// Fails where columns differ in length or hold what is no number.
+    pub fn check(&self) -> Result<()> {
+        let columns = [&self.learned, &self.first, &self.second];
+        let rows = self.steps.len();
+        let finite = |c: &[[f32; 3]]| c.as_flattened().iter().all(|x| x.is_finite());
+        if columns.iter().all(|c| c.len() == rows && finite(c)) {
+            return Ok(());
+        }
+        Err(Error::corrupt("learned colours", "columns do not fit together"))
+    }
 }
 
 /// A trainer. It owns the learned columns and the decoders; topology, surface and prior stay with
@@ -227,6 +274,10 @@ pub trait Backend: Send {
 
     /// Visits the rows that changed (by steps, voiding or an import) since the last call, ascending.
     fn read_changed(&mut self, visit: &mut dyn FnMut(u32, &LearnedRow));
+
+    /// Visits the blocks of colour that changed since the last call, ascending: the learned logits of
+    /// their vertices.
+    fn read_changed_colors(&mut self, visit: &mut dyn FnMut(u32, &[[f32; 3]]));
 
     /// The decoders that belong to the rows that were read; the same `Arc` until they change.
     fn decoders(&self) -> Arc<Decoders>;

@@ -36,6 +36,8 @@ impl MapConfig {
             frame_budget_ms: self.frame_budget_ms,
             memory_mib: self.memory_mib,
             color_spacing_m: self.r0_m / (1u32 << self.radiance.log2_side) as f32,
+            color_rays: self.radiance.rays_per_step,
+            color_sharpens: self.radiance.sharpens,
         }
     }
 

@@ -9,7 +9,7 @@
 //! and stays below `memory_mib`. Every column counts: the host's, the backend's and the published
 //! pages'. Those that lie in one piece count twice, since their pieces double when they grow.
 
-use crate::backend;
+use crate::backend::{self, ColorRows};
 use crate::config::MapConfig;
 use crate::octree::{Explicit, Topology};
 use crate::surface::{ColorField, Evidence, PriorField, SurfelMap};
@@ -31,7 +31,10 @@ const BRICK: usize = DOUBLING * Evidence::BRICK_BYTES + Store::BRICK_BYTES;
 /// radiance has costs nothing.
 fn block(config: &MapConfig) -> usize {
     let Some(scale) = ColorField::scale(config) else { return 1 };
-    DOUBLING * ColorField::block_bytes(scale) + Store::block_bytes(scale)
+    let learns = config.radiance.rays_per_step > 0;
+    let learned = if learns { ColorRows::ROW_BYTES + size_of::<[f32; 3]>() } else { 0 };
+    DOUBLING * (ColorField::block_bytes(scale) + scale.vertices() * learned)
+        + Store::block_bytes(scale)
 }
 
 /// How many there are, or how many more there may be.

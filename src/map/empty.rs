@@ -66,6 +66,7 @@ impl Mapper {
             backend: Box::new(CpuBackend::new(&config, trainers.clone())?),
             trainer: Trainer::CPU,
             learned: Vec::new(),
+            learned_colors: Vec::new(),
             no_prior: Vec::new(),
             pool,
             trainers,

@@ -9,7 +9,9 @@ use super::budget::Sizes;
 use super::robots::Robots;
 use super::trainer::Trainer;
 use super::view::Store;
-use crate::backend::{Backend, Changes, LABELS, Pass, Scene, StepParameters, Work, WorkReport};
+use crate::backend::{
+    Backend, Changes, LABELS, Pass, RadianceParameters, Scene, StepParameters, Work, WorkReport,
+};
 use crate::config::{MapConfig, Prior};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
@@ -20,6 +22,12 @@ use crate::train::{KeyFrame, KeyFrames, Pace, RayPlan, Schedule};
 
 /// Sign consistency joins the losses after this many frames (algorithms.md §8).
 const CONSISTENCY_FROM_FRAME: u64 = 50;
+/// Colours are compared after this many frames (algorithms.md §7).
+const COLORS_FROM_FRAME: u64 = 3;
+/// s of the density in training, 1/m: soft while a learned surface finds its place, and hard after
+/// this many steps (algorithms.md §7).
+const SHARPNESS: [f32; 2] = [40.0, 200.0];
+const HARDENING_STEPS: f32 = 300.0;
 /// Refinement steps after the last frame, at a falling rate.
 const IDLE_STEPS: u32 = 300;
 
@@ -82,6 +90,9 @@ pub struct Mapper {
     pub(super) trainer: Trainer,
     /// What the backend learned for (d, g), by row, as of the last publication.
     pub(super) learned: Vec<Explicit>,
+    /// What it learned for colours, by vertex of the band; shorter than the band where nothing was
+    /// learned.
+    pub(super) learned_colors: Vec<[f32; 3]>,
     /// What the backend takes for the prior under [`Prior::Learned`]: zeros.
     pub(super) no_prior: Vec<Explicit>,
     pub(super) store: Store,
@@ -156,7 +167,9 @@ impl Mapper {
             &changes,
         )?;
         self.changed_nodes.extend(nodes);
-        Ok(KeyFrame::new(frame, self.config.key_frame_pixels as usize, self.config.r0_m))
+        let gain = (self.config.radiance.rays_per_step > 0).then_some(change.gain);
+        let pixels = self.config.key_frame_pixels as usize;
+        Ok(KeyFrame::new(frame, pixels, self.config.r0_m, gain))
     }
 
     /// Lets the frame take its share of what the memory budgets leave.
@@ -199,7 +212,7 @@ impl Mapper {
         pace: Pace,
         rate: f32,
     ) -> Result<()> {
-        let parameters = self.parameters(rate);
+        let parameters = self.parameters(rate, pace.rays);
         let held = window.iter().filter_map(|&id| self.key_frames.get(id));
         let frames: Vec<&KeyFrame> = held.chain(view).collect();
         let plan = RayPlan {
@@ -231,7 +244,7 @@ impl Mapper {
         self.stats.passes = passes;
     }
 
-    fn parameters(&self, rate: f32) -> StepParameters {
+    fn parameters(&self, rate: f32, rays: u32) -> StepParameters {
         let mut weights = LossWeights::default();
         if self.stats.frames <= CONSISTENCY_FROM_FRAME {
             weights.consistency = 0.0;
@@ -243,7 +256,28 @@ impl Mapper {
             decoder_rate: self.config.decoder_learning_rate * rate,
             stencil: if full { Stencil::Central } else { Stencil::Forward },
             weights,
+            radiance: self.radiance(rate, rays),
         }
+    }
+
+    /// How a step of `rays` rays compares colours: with its share of the rays that a full step has.
+    fn radiance(&self, rate: f32, rays: u32) -> Option<RadianceParameters> {
+        let config = &self.config.radiance;
+        let share = f64::from(rays) / f64::from(self.config.rays_per_step.max(1));
+        let rays = (f64::from(config.rays_per_step) * share).round() as u32;
+        let trained = self.stats.frames > COLORS_FROM_FRAME && self.config.has("radiance");
+        let hardened = (self.stats.steps as f32 / HARDENING_STEPS).min(1.0);
+        let [soft, hard] = SHARPNESS;
+        (trained && rays > 0).then_some(RadianceParameters {
+            rays,
+            rate: config.learning_rate * rate,
+            sharpness: match self.config.prior {
+                Prior::Closed => hard,
+                Prior::Learned => soft + (hard - soft) * hardened,
+            },
+            weight: config.weight,
+            sharpens: config.sharpens,
+        })
     }
 
     /// Adds the time since `start` to a stage of the frame.
@@ -308,7 +342,8 @@ impl Mapper {
                 + self.key_frames.bytes()
                 + self.backend.memory_bytes()
                 + self.store.bytes()
-                + size_of_val(&self.learned[..]) as u64,
+                + size_of_val(&self.learned[..]) as u64
+                + size_of_val(&self.learned_colors[..]) as u64,
             ..self.stats.clone()
         }
     }

@@ -76,13 +76,24 @@ impl Mapper {
     fn write_colors(&mut self) {
         let Some(color) = &self.surface.color else { return };
         let mut changed = std::mem::take(&mut self.changed_colors);
+        let learned = &mut self.learned_colors;
+        self.backend.read_changed_colors(&mut |block, values| {
+            let rows = block as usize * values.len();
+            if learned.len() < rows + values.len() {
+                learned.resize(rows + values.len(), [0.0; 3]);
+            }
+            learned[rows..rows + values.len()].copy_from_slice(values);
+            changed.push(block);
+        });
         changed.sort_unstable();
         changed.dedup();
         self.store.write_colors(&color.band, changed, |block, texels| {
             let rows = block as usize * texels.len();
-            for (texel, seen) in texels.iter_mut().zip(&color.seen()[rows..]) {
+            for (i, (texel, seen)) in texels.iter_mut().zip(&color.seen()[rows..]).enumerate() {
                 if seen.weight > 0.0 {
-                    *texel = Texel::new(radiance::logits(Vec3::from(seen.color)));
+                    let learned = learned.get(rows + i).copied().unwrap_or_default();
+                    let closed = radiance::logits(Vec3::from(seen.color));
+                    *texel = Texel::new(closed + Vec3::from(learned));
                 }
             }
         });

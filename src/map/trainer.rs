@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::mapper::{Mapper, scene};
 use super::view::MapView;
 use crate::backend::{
-    Adapters, Backend, BackendState, Changes, CpuBackend, DecoderState, GpuBackend, LearnedRow,
-    RowMoments,
+    Adapters, Backend, BackendState, Changes, ColorRows, CpuBackend, DecoderState, GpuBackend,
+    LearnedRow, RowMoments,
 };
 use crate::config::{BackendChoice, GpuSettings};
 use crate::error::{Error, Result};
@@ -142,6 +142,12 @@ impl Mapper {
             learned: rows,
             sdf: DecoderState::of(&decoders.sdf),
             occupancy: DecoderState::of(&decoders.occupancy),
+            colors: ColorRows {
+                first: vec![[0.0; 3]; self.learned_colors.len()],
+                second: vec![[0.0; 3]; self.learned_colors.len()],
+                steps: vec![0; self.learned_colors.len()],
+                learned: self.learned_colors.clone(),
+            },
         };
         let mut cpu = CpuBackend::new(&self.config, self.trainers.clone())?;
         self.introduce(&mut cpu)?;
@@ -196,6 +202,10 @@ pub(crate) mod tests {
 
         fn read_changed(&mut self, visit: &mut dyn FnMut(u32, &LearnedRow)) {
             self.0.read_changed(visit);
+        }
+
+        fn read_changed_colors(&mut self, visit: &mut dyn FnMut(u32, &[[f32; 3]])) {
+            self.0.read_changed_colors(visit);
         }
 
         fn decoders(&self) -> Arc<Decoders> {

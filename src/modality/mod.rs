@@ -6,7 +6,9 @@
 //! f(x) = d_ga + D_s(c, Σ w_k f_k) and the occupancy logit is ℓ(x) = ℓ0(d_ga) + D_o(c, Σ w_k o_k),
 //! both with the context c = d_ga clamped to ±1 m.
 
+pub mod composite;
 pub mod decoder;
+pub mod density;
 pub mod interpolation;
 pub mod losses;
 pub mod occupancy;

@@ -106,6 +106,24 @@ impl BandPlace {
         };
         std::array::from_fn(|k| factor(0, k) * factor(1, k) * factor(2, k))
     }
+
+    /// How the weights change with a movement by `direction`, in units of the band's spacing.
+    #[inline]
+    pub fn slopes(&self, direction: Vec3) -> [f32; 8] {
+        std::array::from_fn(|k| {
+            let mut slope = 0.0;
+            for axis in 0..3 {
+                let others = [(axis + 1) % 3, (axis + 2) % 3];
+                let along = others.map(|other| {
+                    let t = self.offset[other];
+                    if k >> other & 1 == 1 { t } else { 1.0 - t }
+                });
+                let sign = if k >> axis & 1 == 1 { 1.0 } else { -1.0 };
+                slope += direction[axis] * sign * along[0] * along[1];
+            }
+            slope
+        })
+    }
 }
 
 /// The blocks of a band. They are never renumbered or freed.

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::sections::{Sections, Tag};
-use crate::backend::{BackendState, DecoderState, LearnedRow, RowMoments};
+use crate::backend::{BackendState, ColorRows, DecoderState, LearnedRow, RowMoments};
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::map::{MapView, Mapper, MapperState, Progress, Robots, ViewState};
@@ -59,11 +59,16 @@ const DECODERS: Tag = Tag(*b"BDEC");
 const RADIANCE: Tag = Tag(*b"RCON");
 const COLOR_CELLS: Tag = Tag(*b"CCEL");
 const COLOR_SEEN: Tag = Tag(*b"CSEE");
+const COLOR_LEARNED: Tag = Tag(*b"CLRN");
+const COLOR_MOMENTS: Tag = Tag(*b"CMOM");
+const COLOR_STEPS: Tag = Tag(*b"CSTP");
+const KEY_COLORS: Tag = Tag(*b"KCOL");
+const KEY_GAINS: Tag = Tag(*b"KGAI");
 const VIEW_TEXELS: Tag = Tag(*b"VTEX");
 const VIEW: Tag = Tag(*b"VIEW");
 const VIEW_ROWS: Tag = Tag(*b"VROW");
 
-const ALL: [Tag; 45] = [
+const ALL: [Tag; 50] = [
     KIND,
     CONFIG,
     PROGRESS,
@@ -106,6 +111,11 @@ const ALL: [Tag; 45] = [
     RADIANCE,
     COLOR_CELLS,
     COLOR_SEEN,
+    COLOR_LEARNED,
+    COLOR_MOMENTS,
+    COLOR_STEPS,
+    KEY_COLORS,
+    KEY_GAINS,
     VIEW_TEXELS,
     VIEW,
     VIEW_ROWS,
@@ -213,6 +223,15 @@ fn save_checkpoint(mapper: &Mapper, path: &Path) -> Result<()> {
     out.put_array(ROW_MOMENTS, moments.as_flattened().as_flattened())?;
     out.put_array(ROW_STEPS, &steps)?;
     out.put_record(DECODERS, &(&state.backend.sdf, &state.backend.occupancy))?;
+    let colors = &state.backend.colors;
+    let color_moments = [&colors.first[..], &colors.second[..]].concat();
+    if mapper.config().has("radiance") {
+        out.put_array(COLOR_LEARNED, &colors.learned)?;
+        out.put_array(COLOR_MOMENTS, &color_moments)?;
+        out.put_array(COLOR_STEPS, &colors.steps)?;
+        out.put_array(KEY_COLORS, &keys.colors)?;
+        out.put_array(KEY_GAINS, &keys.gains)?;
+    }
     out.write(path)
 }
 
@@ -274,6 +293,7 @@ fn take_mapper(config: MapConfig, from: &mut Sections<'_>) -> Result<Mapper> {
     let surface = take_surface(&config, from)?;
     let has_robots = from.tags().any(|tag| tag == ROBOTS);
     let robots = if has_robots { from.take_record(ROBOTS)? } else { Robots::default() };
+    let has_color = config.has("radiance");
     let record: KeyRecord = from.take_record(KEY_FRAMES)?;
     let key_frames = KeyFramesState {
         next: record.next,
@@ -286,8 +306,13 @@ fn take_mapper(config: MapConfig, from: &mut Sections<'_>) -> Result<Mapper> {
         block_trained: from.take_array(KEY_TRAINED)?,
         block_counts: from.take_array(KEY_COUNTS)?,
         block_ids: from.take_array(KEY_IDS)?,
+        colors: if has_color { from.take_array(KEY_COLORS)? } else { Vec::new() },
+        gains: if has_color { from.take_array(KEY_GAINS)? } else { Vec::new() },
     };
-    let backend = take_backend(from)?;
+    let mut backend = take_backend(from)?;
+    if has_color {
+        backend.colors = take_colors(from)?;
+    }
     let state = MapperState { progress, topology, surface, robots, key_frames, backend };
     Mapper::from_state(config, state)
 }
@@ -357,7 +382,17 @@ fn take_backend(from: &mut Sections<'_>) -> Result<BackendState> {
         moments: moments.collect(),
         sdf,
         occupancy,
+        colors: ColorRows::default(),
     })
+}
+
+fn take_colors(from: &mut Sections<'_>) -> Result<ColorRows> {
+    let mut first: Vec<[f32; 3]> = from.take_array(COLOR_MOMENTS)?;
+    let second = first.split_off(first.len() / 2);
+    let (learned, steps) = (from.take_array(COLOR_LEARNED)?, from.take_array(COLOR_STEPS)?);
+    let colors = ColorRows { learned, first, second, steps };
+    colors.check()?;
+    Ok(colors)
 }
 
 fn owned<T: bytemuck::Pod>(from: &mut Sections<'_>, tag: Tag) -> Result<Cow<'static, [T]>> {

@@ -12,6 +12,8 @@ pub enum SampleKind {
     Perturbed = 1,
     /// On the surface.
     Surface = 2,
+    /// On a ray whose colour depends on the distance there. Its label is not a distance but ∂L/∂f.
+    Ray = 3,
 }
 
 /// The samples of one training step, column by column.
@@ -20,7 +22,7 @@ pub struct Batch {
     /// World metres.
     pub points: Vec<Vec3>,
     pub kinds: Vec<SampleKind>,
-    /// Signed distance label, m.
+    /// Signed distance label, m; ∂L/∂f where the kind is [`SampleKind::Ray`].
     pub distances: Vec<f32>,
     /// Occupancy label: 0 free, 0.75 on the surface, 1 behind.
     pub occupancies: Vec<f32>,

@@ -38,6 +38,10 @@ pub struct KeyFrame {
     /// Shared by all copies of the key frame: who keeps a copy elsewhere knows it by its place, and
     /// whether anybody still holds it.
     pub pixels: Arc<[Pixel]>,
+    /// sRGB of each pixel, where colours are trained on; else empty.
+    pub colors: Arc<[[u8; 3]]>,
+    /// What the colours are multiplied by to be compared with the map's.
+    pub gain: Vec3,
     /// Blocks that hold a pixel's end, sorted.
     pub(super) blocks: Vec<u64>,
     /// Level-0 voxels that hold a pixel's end, sorted; kept for the newest key frame alone.
@@ -45,8 +49,9 @@ pub struct KeyFrame {
 }
 
 impl KeyFrame {
-    /// Samples a frame on a regular grid of at most `max_pixels` pixels.
-    pub fn new(frame: &Frame, max_pixels: usize, r0_m: f32) -> Self {
+    /// Samples a frame on a regular grid of at most `max_pixels` pixels; with the gain of its colours
+    /// if they are trained on.
+    pub fn new(frame: &Frame, max_pixels: usize, r0_m: f32, gain: Option<Vec3>) -> Self {
         let k = &frame.intrinsics;
         let mut stride = 1usize;
         while (k.width as usize).div_ceil(stride) * (k.height as usize).div_ceil(stride)
@@ -59,6 +64,8 @@ impl KeyFrame {
             world_from_camera: frame.world_from_camera.rotation_f32(),
             camera: [1.0 / k.fx as f32, 1.0 / k.fy as f32, k.cx as f32, k.cy as f32],
             pixels: Arc::default(),
+            colors: Arc::default(),
+            gain: gain.unwrap_or(Vec3::ONE),
             blocks: Vec::new(),
             voxels: Vec::new(),
         };
@@ -70,6 +77,13 @@ impl KeyFrame {
                     pixels.push(Pixel { u: u as u16, v: v as u16, z });
                 }
             }
+        }
+        if let Some(image) = frame.color.as_ref().filter(|_| gain.is_some()) {
+            let color = |pixel: &Pixel| {
+                let (u, v) = (u32::from(pixel.u), u32::from(pixel.v));
+                (image.beside(u, v, k.width, k.height) * 255.0).round().to_array().map(|c| c as u8)
+            };
+            key_frame.colors = pixels.iter().map(color).collect();
         }
         key_frame.pixels = pixels.into();
         key_frame.blocks = key_frame.cells(BLOCK_M);
@@ -120,6 +134,8 @@ impl KeyFrame {
     }
 
     pub(super) fn bytes(&self) -> usize {
-        self.pixels.len() * size_of::<Pixel>() + (self.blocks.len() + self.voxels.len()) * 8
+        self.pixels.len() * size_of::<Pixel>()
+            + self.colors.len() * 3
+            + (self.blocks.len() + self.voxels.len()) * 8
     }
 }

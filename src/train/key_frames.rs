@@ -269,7 +269,7 @@ mod tests {
         let config = MapConfig::from_settings(&MapSettings::default()).expect("defaults");
         let room = Synthetic::room(60).with_width(32);
         let frames: Vec<KeyFrame> = (0..room.len())
-            .map(|i| KeyFrame::new(&room.load(i, false).expect("a frame"), 4096, config.r0_m))
+            .map(|i| KeyFrame::new(&room.load(i, false).expect("a frame"), 4096, config.r0_m, None))
             .collect();
         let mut held = KeyFrames::new(&config);
         let lap = |held: &mut KeyFrames| {

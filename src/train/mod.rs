@@ -1,12 +1,14 @@
 //! What to train on: key frames, the window of a step, rays, samples and their labels.
 
 mod batch;
+mod colors;
 mod key_frame;
 mod key_frames;
 mod rays;
 mod schedule;
 
 pub use batch::{Batch, SampleKind};
+pub use colors::{ColorRay, draw_colors};
 pub use key_frame::{KeyFrame, Pixel};
 pub use key_frames::{FrameRecord, KeyFrames, KeyFramesState};
 pub use rays::{

@@ -98,7 +98,7 @@ fn sample_ray(
         batch.occupancies.push(match kind {
             SampleKind::Free => 0.0,
             SampleKind::Surface => 0.75,
-            SampleKind::Perturbed => f32::from(distance < 0.0),
+            SampleKind::Perturbed | SampleKind::Ray => f32::from(distance < 0.0),
         });
         batch.eikonal.push(unit(coin) < plan.eikonal_share);
     };

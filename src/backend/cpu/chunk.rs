@@ -16,7 +16,7 @@ use crate::modality::interpolation::{ExplicitCorners, Place, by_column};
 use crate::modality::losses::STENCIL_M;
 use crate::modality::{Decoders, sdf};
 use crate::octree::{Explicit, Found, Lookup, NO_NODE, NodeSource};
-use crate::train::Batch;
+use crate::train::{Batch, SampleKind};
 use glam::Vec3;
 
 /// Samples of one chunk.
@@ -133,22 +133,7 @@ pub(super) fn run<N: NodeSource>(
     workspace: &mut Workspace,
     output: &mut Output,
 ) {
-    output.rows.clear();
-    output.by_values.clear();
-    output.by_explicit.clear();
-    output.occupied.clear();
-    output.losses = Losses::default();
-    clear(&mut output.by_sdf_weights, inputs.decoders.sdf.weights().len());
-    clear(&mut output.by_occupancy_weights, inputs.decoders.occupancy.weights().len());
-    workspace.voxel_index.clear();
-    workspace.last_voxel = (NO_NODE, 0);
-    workspace.row_index.clear();
-    workspace.voxels.clear();
-    workspace.by_voxels.clear();
-    workspace.values.clear();
-
-    let factors = Factors::new(inputs.plan, inputs.parameters);
-    let mut chunk = Chunk { inputs, factors, workspace, output };
+    let mut chunk = Chunk::new(inputs, workspace, output);
     let order = &inputs.plan.order[start..(start + CHUNK).min(inputs.plan.order.len())];
     let mut done = 0;
     while done < order.len() {
@@ -156,6 +141,28 @@ pub(super) fn run<N: NodeSource>(
         chunk.run_tile();
     }
     chunk.finish();
+}
+
+/// The distances at the samples of the chunk that starts at `start`, in the plan's order.
+pub(super) fn evaluate<N: NodeSource>(
+    inputs: &Inputs<'_, N>,
+    start: usize,
+    workspace: &mut Workspace,
+    output: &mut Output,
+    distances: &mut [f32],
+) {
+    let mut chunk = Chunk::new(inputs, workspace, output);
+    let order = &inputs.plan.order[start..start + distances.len()];
+    let mut done = 0;
+    while done < order.len() {
+        let taken = chunk.fill_tile(&order[done..]);
+        chunk.forward();
+        let tile = &chunk.workspace.tile;
+        for i in 0..taken {
+            distances[done + i] = tile.distances[i] + tile.residuals[i];
+        }
+        done += taken;
+    }
 }
 
 fn clear(lines: &mut Lines, len: usize) {
@@ -173,7 +180,30 @@ struct Chunk<'a, N: NodeSource> {
     output: &'a mut Output,
 }
 
-impl<N: NodeSource> Chunk<'_, N> {
+impl<'a, N: NodeSource> Chunk<'a, N> {
+    /// Nothing gathered yet.
+    fn new(
+        inputs: &'a Inputs<'a, N>,
+        workspace: &'a mut Workspace,
+        output: &'a mut Output,
+    ) -> Self {
+        output.rows.clear();
+        output.by_values.clear();
+        output.by_explicit.clear();
+        output.occupied.clear();
+        output.losses = Losses::default();
+        clear(&mut output.by_sdf_weights, inputs.decoders.sdf.weights().len());
+        clear(&mut output.by_occupancy_weights, inputs.decoders.occupancy.weights().len());
+        workspace.voxel_index.clear();
+        workspace.last_voxel = (NO_NODE, 0);
+        workspace.row_index.clear();
+        workspace.voxels.clear();
+        workspace.by_voxels.clear();
+        workspace.values.clear();
+        let factors = Factors::new(inputs.plan, inputs.parameters);
+        Self { inputs, factors, workspace, output }
+    }
+
     /// Lays out the next tile; returns how many samples it took.
     fn fill_tile(&mut self, order: &[u32]) -> usize {
         let stencil = self.inputs.parameters.stencil.offsets();
@@ -191,7 +221,8 @@ impl<N: NodeSource> Chunk<'_, N> {
             taken += 1;
             let point = self.inputs.batch.points[*sample as usize];
             let index = self.evaluate(site.centre, point);
-            self.workspace.voxels[index].holds_sample = true;
+            let kind = self.inputs.batch.kinds[*sample as usize];
+            self.workspace.voxels[index].holds_sample |= kind != SampleKind::Ray;
             self.workspace.tile.samples.push(TileSample { sample: *sample, stencil: 0 });
         }
         for (i, sample) in order[..taken].iter().enumerate() {
@@ -280,8 +311,9 @@ impl<N: NodeSource> Chunk<'_, N> {
         });
     }
 
-    fn run_tile(&mut self) {
-        let Workspace { tile, voxels, values, by_voxels, sdf, occupancy, .. } = self.workspace;
+    /// The fields at the tile's evaluations.
+    fn forward(&mut self) {
+        let Workspace { tile, voxels, values, sdf, occupancy, .. } = self.workspace;
         let set = self.inputs.set;
         let count = tile.evaluations.len();
         let padded = count.next_multiple_of(POINTS_MULTIPLE);
@@ -311,7 +343,15 @@ impl<N: NodeSource> Chunk<'_, N> {
             let features = &tile.occupancy_features;
             decoders.occupancy.forward(set, features, &tile.contexts, occupancy, logits);
         }
+    }
 
+    fn run_tile(&mut self) {
+        self.forward();
+        let Workspace { tile, voxels, by_voxels, sdf, occupancy, .. } = self.workspace;
+        let (set, decoders) = (self.inputs.set, self.inputs.decoders);
+        let (count, samples) = (tile.evaluations.len(), tile.samples.len());
+        let padded = count.next_multiple_of(POINTS_MULTIPLE);
+        let padded_samples = samples.next_multiple_of(POINTS_MULTIPLE);
         lose(self.inputs, &self.factors, tile, &mut self.output.losses);
 
         let gradient = Gradient {

@@ -7,9 +7,11 @@
 
 pub(super) mod adam;
 mod chunk;
+mod decoder;
 mod interpolate;
 mod objective;
 mod plan;
+mod radiance;
 mod radix;
 mod rows;
 mod table;
@@ -22,21 +24,22 @@ use std::time::{Duration, Instant};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
-use self::adam::Corrections;
 use self::chunk::{CHUNK, Inputs, Output, Workspace};
+use self::decoder::DecoderMemory;
 use self::plan::Plan;
+use self::radiance::Radiance;
 use self::rows::Rows;
 use super::{
-    Backend, BackendState, Changes, DecoderState, LABELS, LearnedRow, Losses, MAX_SAMPLES, Pass,
-    ROW_BYTES, RowMoments, Scene, StepParameters, StepReport, Work, WorkReport,
+    Backend, BackendState, Changes, LABELS, LearnedRow, Losses, MAX_SAMPLES, Pass, ROW_BYTES,
+    RowMoments, Scene, StepParameters, StepReport, Work, WorkReport,
 };
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::geometry::simd::InstructionSet;
-use crate::modality::decoder::Decoder;
 use crate::modality::{Decoders, occupancy, sdf};
-use crate::octree::{Explicit, Lookup, NodeSource};
-use crate::train::{Batch, RayPlan, sample};
+use crate::octree::{BandScale, Explicit, Lookup, NodeSource};
+use crate::surface::{ColorField, Lattice};
+use crate::train::{Batch, RayPlan, draw_colors, sample};
 
 /// What a step reads of the host.
 pub struct Host<'a, N: NodeSource> {
@@ -58,6 +61,11 @@ pub struct CpuBackend {
     outputs: Vec<Output>,
     /// One for each thread of the pool; a lock is only ever taken by its own thread.
     workspaces: Vec<Mutex<Workspace>>,
+    radiance: Radiance,
+    /// log2 of the largest voxels that stand around surfaces.
+    surface_log2: u8,
+    /// Vertices of a block of colour.
+    color_vertices: usize,
     report: Option<WorkReport>,
     times: Times,
 }
@@ -71,54 +79,6 @@ struct Times {
     fields: Duration,
     /// Gradients summed, rows and decoders stepped.
     optimise: Duration,
-}
-
-/// Adam's memory of a decoder, and its summed gradient.
-struct DecoderMemory {
-    first: Vec<f32>,
-    second: Vec<f32>,
-    steps: u32,
-    gradient: Vec<f32>,
-}
-
-impl DecoderMemory {
-    fn new(decoder: &Decoder) -> Self {
-        let zeros = vec![0.0; decoder.weights().len()];
-        Self { first: zeros.clone(), second: zeros.clone(), steps: 0, gradient: zeros }
-    }
-
-    /// Adds the chunks' gradients in chunk order.
-    fn collect<'a>(&mut self, chunks: impl Iterator<Item = &'a [f32]>) {
-        self.gradient.fill(0.0);
-        for by_weights in chunks {
-            for (sum, by) in self.gradient.iter_mut().zip(by_weights) {
-                *sum += by;
-            }
-        }
-    }
-
-    fn step(&mut self, decoder: &mut Decoder, rate: f32) {
-        self.steps = self.steps.saturating_add(1);
-        let corrections = Corrections::compute(self.steps);
-        decoder.update(|weights| {
-            let memory = (&mut self.first[..], &mut self.second[..]);
-            adam::step(weights, memory, &self.gradient, corrections, rate);
-        });
-    }
-
-    fn export(&self, decoder: &Decoder) -> DecoderState {
-        DecoderState {
-            weights: decoder.weights().to_vec(),
-            first: self.first.clone(),
-            second: self.second.clone(),
-            steps: self.steps,
-        }
-    }
-
-    fn import(state: DecoderState) -> Self {
-        let gradient = vec![0.0; state.weights.len()];
-        Self { first: state.first, second: state.second, steps: state.steps, gradient }
-    }
 }
 
 impl CpuBackend {
@@ -140,6 +100,9 @@ impl CpuBackend {
             decoders: Arc::new(decoders),
             plan: Plan::default(),
             outputs: Vec::new(),
+            radiance: Radiance::new(),
+            surface_log2: Lattice::new(config).surface(),
+            color_vertices: ColorField::scale(config).map_or(1, BandScale::vertices),
             report: None,
             times: Times::default(),
         })
@@ -196,10 +159,9 @@ impl CpuBackend {
         };
         let workspaces = &self.workspaces;
         self.outputs.par_iter_mut().enumerate().for_each(|(chunk, output)| {
-            let thread = rayon::current_thread_index().unwrap_or(0) % workspaces.len();
-            // A workspace is cleared before use, so a panicked user leaves no harm.
-            let mut workspace = workspaces[thread].lock().unwrap_or_else(PoisonError::into_inner);
-            chunk::run(&inputs, chunk * CHUNK, &mut workspace, output);
+            with_workspace(workspaces, |workspace| {
+                chunk::run(&inputs, chunk * CHUNK, workspace, output);
+            });
         });
     }
 
@@ -216,7 +178,7 @@ impl CpuBackend {
             sum.total += losses.total;
         }
         let counts = &self.plan.counts;
-        let [free, perturbed, surface] = counts.kinds;
+        let [free, perturbed, surface, _] = counts.kinds;
         let mean = |sum: f64, count: usize| sum / count.max(1) as f64;
         Losses {
             boundary: mean(sum.boundary, surface),
@@ -226,9 +188,17 @@ impl CpuBackend {
             eikonal_space: mean(sum.eikonal_space, counts.eikonal[0]),
             occupancy: mean(sum.occupancy, counts.samples()),
             consistency: mean(sum.consistency, free + perturbed),
+            photometric: 0.0,
             total: sum.total,
         }
     }
+}
+
+/// Runs something with the workspace of the calling thread.
+fn with_workspace(workspaces: &[Mutex<Workspace>], run: impl FnOnce(&mut Workspace)) {
+    let thread = rayon::current_thread_index().unwrap_or(0) % workspaces.len();
+    // A workspace is cleared before use, so a panicked user leaves no harm.
+    run(&mut workspaces[thread].lock().unwrap_or_else(PoisonError::into_inner));
 }
 
 fn check<N: NodeSource>(host: &Host<'_, N>, batch: &Batch, rows: usize) -> Result<()> {
@@ -306,13 +276,25 @@ impl Backend for CpuBackend {
         let start = Instant::now();
         let host = Host { nodes: scene.topology, prior: scene.prior };
         let mut report = WorkReport::default();
-        let mut labels = Duration::ZERO;
+        let (mut labels, mut colors) = (Duration::ZERO, Duration::ZERO);
         for step in 0..work.steps {
             let begin = Instant::now();
             let plan = RayPlan { step: work.plan.step.wrapping_add(step), ..work.plan };
-            let batch = sample(&plan, work.frames, scene.topology, scene.surface, &self.pool);
-            labels += begin.elapsed();
+            let Scene { topology, surface, .. } = *scene;
+            let mut batch = sample(&plan, work.frames, topology, surface, &self.pool);
+            let drawn = Instant::now();
+            labels += drawn - begin;
+            let mut photometric = 0.0;
+            if let (Some(radiance), Some(field)) = (&work.parameters.radiance, &surface.color) {
+                let frames = work.frames;
+                let rays = draw_colors(&plan, radiance.rays, frames, topology, surface, &self.pool);
+                let parameters = &work.parameters;
+                photometric =
+                    self.compare_colors(&host, field, &rays, parameters, radiance, &mut batch);
+                colors += drawn.elapsed();
+            }
             report.step = self.step(&host, &batch, &work.parameters)?;
+            report.step.losses.photometric = photometric;
             report.rays += plan.rays;
         }
         report.took = start.elapsed();
@@ -325,6 +307,7 @@ impl Backend for CpuBackend {
         let rows = (report.step.rows * (size_of::<LearnedRow>() + size_of::<RowMoments>())) as u64;
         report.passes = vec![
             pass(LABELS, labels, 0),
+            pass("colors", colors, 0),
             pass("plan", times.plan, 0),
             pass("fields", times.fields, 0),
             pass("optimise", times.optimise, 2 * rows * u64::from(work.steps)),
@@ -345,6 +328,10 @@ impl Backend for CpuBackend {
         self.rows.read_changed(visit);
     }
 
+    fn read_changed_colors(&mut self, visit: &mut dyn FnMut(u32, &[[f32; 3]])) {
+        self.radiance.read_changed(self.color_vertices, visit);
+    }
+
     fn decoders(&self) -> Arc<Decoders> {
         self.decoders.clone()
     }
@@ -355,6 +342,7 @@ impl Backend for CpuBackend {
             moments: self.rows.moments.clone(),
             sdf: self.sdf_memory.export(&self.decoders.sdf),
             occupancy: self.occupancy_memory.export(&self.decoders.occupancy),
+            colors: self.radiance.export(),
         })
     }
 
@@ -362,6 +350,7 @@ impl Backend for CpuBackend {
         if state.learned.len() != state.moments.len() {
             return Err(Error::corrupt("backend state", "rows and moments differ in number"));
         }
+        state.colors.check()?;
         let mut decoders = Decoders::clone(&self.decoders);
         for (name, decoder, state) in [
             ("sdf", &mut decoders.sdf, &state.sdf),
@@ -380,10 +369,11 @@ impl Backend for CpuBackend {
         self.sdf_memory = DecoderMemory::import(state.sdf);
         self.occupancy_memory = DecoderMemory::import(state.occupancy);
         self.rows.replace(state.learned, state.moments);
+        self.radiance.import(state.colors, self.color_vertices);
         Ok(())
     }
 
     fn memory_bytes(&self) -> u64 {
-        (self.rows.len() * ROW_BYTES) as u64
+        (self.rows.len() * ROW_BYTES) as u64 + self.radiance.bytes()
     }
 }

@@ -20,7 +20,7 @@ impl Factors {
     pub(super) fn new(plan: &Plan, parameters: &StepParameters) -> Self {
         let (w, counts) = (&parameters.weights, &plan.counts);
         let per = |weight: f32, count: usize| weight / count.max(1) as f32;
-        let [free, perturbed, surface] = counts.kinds;
+        let [free, perturbed, surface, _] = counts.kinds;
         let near = counts.eikonal[1] + counts.eikonal[2];
         Self {
             distance: [
@@ -53,6 +53,10 @@ pub(super) fn lose<N: NodeSource>(
     for (i, TileSample { sample, stencil: at }) in tile.samples.iter().enumerate() {
         let sample = *sample as usize;
         let kind = inputs.batch.kinds[sample];
+        if kind == SampleKind::Ray {
+            tile.by_distances[i] = inputs.batch.distances[sample];
+            continue;
+        }
         let found = tile.distances[i] + tile.residuals[i];
         let (loss, slope) = absolute(found, inputs.batch.distances[sample]);
         let factor = factors.distance[kind as usize];
@@ -61,7 +65,7 @@ pub(super) fn lose<N: NodeSource>(
         *match kind {
             SampleKind::Free => &mut losses.projection,
             SampleKind::Perturbed => &mut losses.perturbation,
-            SampleKind::Surface => &mut losses.boundary,
+            SampleKind::Surface | SampleKind::Ray => &mut losses.boundary,
         } += f64::from(loss);
 
         if *at > 0 {

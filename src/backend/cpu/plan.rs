@@ -10,7 +10,7 @@ use super::radix::sort_by_key;
 use crate::backend::StepParameters;
 use crate::modality::losses::{STENCIL_M, Stencil};
 use crate::octree::{Found, Lookup, NodeSource};
-use crate::train::Batch;
+use crate::train::{Batch, SampleKind};
 
 /// Samples located by one task.
 const LOCATE_CHUNK: usize = 512;
@@ -34,14 +34,15 @@ impl Site {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Counts {
     /// By sample kind.
-    pub kinds: [usize; 3],
+    pub kinds: [usize; 4],
     /// Of them, with Eikonal.
-    pub eikonal: [usize; 3],
+    pub eikonal: [usize; 4],
 }
 
 impl Counts {
+    /// Samples that pay losses of their own.
     pub(super) fn samples(&self) -> usize {
-        self.kinds.iter().sum()
+        self.kinds[..SampleKind::Ray as usize].iter().sum()
     }
 }
 

@@ -40,10 +40,14 @@ use self::sampling::{Sampling, Slots};
 use self::surface::SurfaceMirror;
 use self::training::{Model, Training};
 use self::writes::{Writer, Writes};
-use super::{Backend, BackendState, Changes, DecoderState, LearnedRow, Scene, Work, WorkReport};
+use super::{
+    Backend, BackendState, Changes, ColorRows, DecoderState, LearnedRow, Scene, Work, WorkReport,
+};
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::modality::{Decoders, occupancy, sdf};
+use crate::octree::BandScale;
+use crate::surface::ColorField;
 
 /// Rows that one frame can add: there is always room for this many, below the budget.
 const HEADROOM: u64 = 1 << 17;
@@ -72,6 +76,10 @@ pub struct GpuBackend {
     /// Most bytes of buffers so far.
     peak_bytes: u64,
     heard: Heard,
+    /// What the CPU learned of colours before; kept, and not trained on.
+    colors: ColorRows,
+    colors_are_new: bool,
+    color_vertices: usize,
 }
 
 /// What has come back and was not asked for yet.
@@ -123,6 +131,9 @@ impl GpuBackend {
                 report: None,
                 saturated: 0,
             },
+            colors: ColorRows::default(),
+            colors_are_new: false,
+            color_vertices: ColorField::scale(config).map_or(1, BandScale::vertices),
             gpu,
         })
     }
@@ -321,6 +332,13 @@ impl Backend for GpuBackend {
         }
     }
 
+    fn read_changed_colors(&mut self, visit: &mut dyn FnMut(u32, &[[f32; 3]])) {
+        if std::mem::take(&mut self.colors_are_new) {
+            let blocks = self.colors.learned.chunks_exact(self.color_vertices);
+            (0..).zip(blocks).for_each(|(block, learned)| visit(block, learned));
+        }
+    }
+
     fn decoders(&self) -> Arc<Decoders> {
         self.heard.decoders.clone()
     }
@@ -331,7 +349,8 @@ impl Backend for GpuBackend {
             Some(decoder) => decoder.export(&self.gpu)?,
             None => DecoderState::of(&self.heard.decoders.occupancy),
         };
-        Ok(BackendState { learned, moments, sdf: self.sdf.export(&self.gpu)?, occupancy })
+        let (sdf, colors) = (self.sdf.export(&self.gpu)?, self.colors.clone());
+        Ok(BackendState { learned, moments, sdf, occupancy, colors })
     }
 
     fn import(&mut self, state: BackendState) -> Result<()> {
@@ -342,7 +361,9 @@ impl Backend for GpuBackend {
         if let Some(decoder) = &self.occupancy {
             decoder.check(&state.occupancy)?;
         }
+        state.colors.check()?;
         self.finish()?;
+        (self.colors, self.colors_are_new) = (state.colors, true);
         self.rows.import(&self.gpu, &state.learned, &state.moments);
         self.sdf.import(&self.gpu, &state.sdf);
         let decoders = Arc::make_mut(&mut self.heard.decoders);

@@ -249,6 +249,7 @@ impl Results {
                 eikonal_space: mean(sums[4], free_eikonal),
                 occupancy: mean(sums[5], samples),
                 consistency: mean(sums[6], free + perturbed),
+                photometric: 0.0,
                 total: f64::from(sums[7]),
             },
             samples,

@@ -7,7 +7,6 @@
 //! room.
 
 mod camera;
-mod density;
 mod near;
 mod patch;
 mod ray;

@@ -5,7 +5,7 @@ use crate::modality::RowSource;
 use crate::octree::{NO_ROW, NodeSource};
 use crate::surface::Lattice;
 
-use super::density::FAR;
+use crate::modality::density::FAR;
 
 /// How far the nearest corner of a voxel may be from a point in it, in edges: √3 / 2.
 const HALF_DIAGONAL: f32 = 0.8661;

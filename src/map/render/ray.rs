@@ -5,12 +5,12 @@
 
 use glam::Vec3;
 
-use super::density::{FAR, LEAST_LIGHT, middle, passes, place_of};
 use super::near::Near;
 use super::patch::{Area, Paint, Patch, Spot};
 use super::unknown::Outlook;
 use super::{Job, RenderSettings, SamplePosition};
 use crate::map::view::Store;
+use crate::modality::density::{FAR, LEAST_LIGHT, middle, passes, place_of};
 use crate::modality::interpolation::Place;
 use crate::modality::read::{Sample, evaluate_samples};
 use crate::octree::{Segment, Traversal};

@@ -15,6 +15,10 @@ pub struct KeyFramesState {
     pub selections: u32,
     pub frames: Vec<FrameRecord>,
     pub pixels: Vec<Pixel>,
+    /// sRGB of the pixels of those frames that have colours.
+    pub colors: Vec<[u8; 3]>,
+    /// The gain of each frame's colours; zeros where it has none.
+    pub gains: Vec<[f32; 3]>,
     /// Blocks and then voxels of each frame.
     pub cells: Vec<u64>,
     pub blocks: Vec<u64>,
@@ -54,6 +58,9 @@ impl KeyFrames {
                 pixels: frame.pixels.len() as u32,
             });
             state.pixels.extend_from_slice(&frame.pixels);
+            state.colors.extend_from_slice(&frame.colors);
+            let has_colors = !frame.colors.is_empty();
+            state.gains.push(if has_colors { frame.gain.to_array() } else { [0.0; 3] });
             state.cells.extend(frame.blocks.iter().chain(&frame.voxels));
         }
         for (block, seen) in &self.by_block {
@@ -69,13 +76,19 @@ impl KeyFrames {
     pub fn with_state(mut self, state: KeyFramesState) -> Result<Self> {
         let damaged = || Error::corrupt("key frames", "columns do not fit together");
         let (mut pixels, mut cells) = (&state.pixels[..], &state.cells[..]);
-        for record in state.frames {
+        let mut colors = &state.colors[..];
+        for (i, record) in state.frames.into_iter().enumerate() {
+            // Maps from before there were colours have no gains.
+            let gain = state.gains.get(i).copied().filter(|gain| gain[0] > 0.0);
+            let painted = gain.map_or(0, |_| record.pixels as usize);
             let [blocks, voxels] = record.lengths.map(|length| length as usize);
             let frame = KeyFrame {
                 origin: record.origin,
                 world_from_camera: record.world_from_camera,
                 camera: record.camera,
                 pixels: pixels.split_off(..record.pixels as usize).ok_or_else(damaged)?.into(),
+                colors: colors.split_off(..painted).ok_or_else(damaged)?.into(),
+                gain: gain.map_or(Vec3::ONE, Vec3::from),
                 blocks: cells.split_off(..blocks).ok_or_else(damaged)?.to_vec(),
                 voxels: cells.split_off(..voxels).ok_or_else(damaged)?.to_vec(),
             };

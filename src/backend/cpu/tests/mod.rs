@@ -34,6 +34,7 @@ pub(in crate::backend) fn parameters(stencil: Stencil) -> StepParameters {
         occupancy_rate: 1e-2,
         decoder_rate: 1e-3,
         stencil,
+        radiance: None,
         weights: LossWeights::default(),
     }
 }

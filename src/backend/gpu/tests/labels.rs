@@ -37,7 +37,7 @@ impl World {
         let kept = match kind {
             SampleKind::Surface => distance.abs() <= stale_m(&self.surface),
             SampleKind::Free => distance >= 0.0,
-            SampleKind::Perturbed => true,
+            SampleKind::Perturbed | SampleKind::Ray => true,
         };
         kept.then_some(distance)
     }

@@ -64,7 +64,7 @@ impl World {
         let rows = self.topology.rows() as u32;
         let change = self.surface.integrate(&frame, 0, self.frames, &mut self.topology, &self.pool);
         let pixels = self.config.key_frame_pixels as usize;
-        let view = KeyFrame::new(&frame, pixels, self.config.r0_m);
+        let view = KeyFrame::new(&frame, pixels, self.config.r0_m, None);
         self.window.pop();
         self.window.truncate(4);
         self.window.insert(0, view.clone());

@@ -1,10 +1,10 @@
 //! Cubes on a tile of pixels, in SIMD over the pixels of a row.
 
-use super::super::density::{FAR, LEAST_LIGHT, REACH, middle, place_of};
 use super::super::patch::{Area, SIDE};
 use super::super::{Job, RenderSettings, SamplePosition};
 use super::cubes::Cube;
 use crate::geometry::simd::{InstructionSet, Kernel, LINE, Lanes};
+use crate::modality::density::{FAR, LEAST_LIGHT, REACH, middle, place_of};
 
 /// Pixels of a tile. A row is one line of numbers.
 const PIXELS: usize = (SIDE * SIDE) as usize;
@@ -240,7 +240,7 @@ impl Tile<'_> {
     }
 }
 
-/// 1 / Φ ([`super::super::density`]): light falls from one distance to another as 1 / Φ grows.
+/// 1 / Φ ([`crate::modality::density`]): light falls from one distance to another as 1 / Φ grows.
 #[inline(always)]
 fn dimness<L: Lanes>(f: L, sharpness: f32) -> L {
     let x = (f * L::splat(-sharpness)).min(L::splat(REACH)).max(L::splat(-REACH));

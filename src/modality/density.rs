@@ -6,28 +6,28 @@
 //! one over all of them lets pass.
 
 /// A ray ends where less than this passes.
-pub(super) const LEAST_LIGHT: f32 = 1e-4;
+pub const LEAST_LIGHT: f32 = 1e-4;
 
 /// Beyond this many 1/s, Φ is 0 or 1 for what an image can show, and its quotients stay finite.
-pub(super) const REACH: f32 = 40.0;
+pub const REACH: f32 = 40.0;
 
 /// Beyond this many 1/s in front of it, a surface takes less than 0.3 % of the light.
-pub(super) const FAR: f32 = 6.0;
+pub const FAR: f32 = 6.0;
 
 /// Φ.
 #[inline(always)]
-pub(super) fn lit(f_m: f32, sharpness: f32) -> f32 {
+pub fn lit(f_m: f32, sharpness: f32) -> f32 {
     1.0 / (1.0 + (-(sharpness * f_m).clamp(-REACH, REACH)).exp())
 }
 
 /// The share of light that passes a segment.
 #[inline(always)]
-pub(super) fn passes(f_in: f32, f_out: f32, sharpness: f32) -> f32 {
+pub fn passes(f_in: f32, f_out: f32, sharpness: f32) -> f32 {
     (lit(f_out, sharpness) / lit(f_in, sharpness)).min(1.0)
 }
 
 /// Where in a segment, 0..=1, the light has fallen to the share `passed`, if f is linear in it.
-pub(super) fn place_of(passed: f32, f_in: f32, f_out: f32, sharpness: f32) -> f32 {
+pub fn place_of(passed: f32, f_in: f32, f_out: f32, sharpness: f32) -> f32 {
     let lit = passed * lit(f_in, sharpness);
     let f = (lit / (1.0 - lit).max(f32::MIN_POSITIVE)).ln() / sharpness;
     ((f_in - f) / (f_in - f_out)).clamp(0.0, 1.0)
@@ -35,7 +35,7 @@ pub(super) fn place_of(passed: f32, f_in: f32, f_out: f32, sharpness: f32) -> f3
 
 /// Where in a segment, 0..=1, half of what it takes is taken, if f is linear in it. For a surface
 /// that is crossed well inside the segment this is its zero crossing.
-pub(super) fn middle(f_in: f32, f_out: f32, sharpness: f32) -> f32 {
+pub fn middle(f_in: f32, f_out: f32, sharpness: f32) -> f32 {
     place_of(0.5 + 0.5 * passes(f_in, f_out, sharpness), f_in, f_out, sharpness)
 }
 

@@ -1,0 +1,199 @@
+//! Colours along rays: against central differences, and what training on them does.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use super::super::tests::{backend, mixed_tree, parameters, random, rough_backend};
+use super::*;
+use crate::config::Profile;
+use crate::modality::losses::Stencil;
+use crate::modality::test_tree::Tree;
+use crate::octree::{BandScale, Cell};
+use crate::surface::{ColorState, SeenColor};
+
+const SCALE: BandScale = BandScale { cell_m: 0.1, log2_side: 2 };
+
+/// A band all over the tree, painted by place.
+fn painted(color: impl Fn(Vec3) -> Vec3) -> ColorField {
+    let cells: Vec<Cell> =
+        (0..729).map(|i| [i % 9, i / 9 % 9, i / 81].map(|c: i32| c - 4)).collect();
+    let mut seen = Vec::new();
+    for cell in &cells {
+        for i in 0..SCALE.vertices() {
+            let side = SCALE.side();
+            let local =
+                Vec3::new((i % side) as f32, (i / side % side) as f32, (i / side / side) as f32);
+            let at = Vec3::from(cell.map(|c| c as f32)) * 0.1 + local * SCALE.spacing_m();
+            seen.push(SeenColor { color: color(at).to_array(), weight: 1.0 });
+        }
+    }
+    let state = ColorState { cells: Cow::Borrowed(&cells), seen: Cow::Owned(seen) };
+    ColorField::new(SCALE, 1).with_state(state).expect("blocks and vertices")
+}
+
+/// Stripes across x and y, about as fine as the vertices can hold.
+fn stripes(at: Vec3) -> Vec3 {
+    let phase = at * 30.0;
+    Vec3::new(phase.x.sin(), phase.y.cos(), (phase.x + phase.y).sin()) * 0.3 + 0.5
+}
+
+/// Slanting rays onto the plane z = 0, and the colours that `seen` has there.
+fn rays(count: usize, seen: impl Fn(Vec3) -> Vec3) -> Vec<ColorRay> {
+    let ray = |i: usize| {
+        let r = random(9, i);
+        let end = Vec3::new(0.25 * r[0], 0.25 * r[1], 0.0);
+        let direction = Vec3::new(0.6 * r[2], 0.6 * r[3], -1.0);
+        ColorRay { origin: end - direction * 0.35, direction, z: 0.35, color: seen(end) }
+    };
+    (0..count).map(ray).collect()
+}
+
+fn plane(offset_m: f32) -> Tree {
+    mixed_tree(move |at| [at.z + offset_m, 0.0, 0.0, 1.0])
+}
+
+fn radiance(rate: f32, sharpness: f32) -> RadianceParameters {
+    RadianceParameters { rays: 0, rate, sharpness, weight: 10.0, sharpens: true }
+}
+
+fn compare(
+    backend: &mut CpuBackend,
+    tree: &Tree,
+    field: &ColorField,
+    rays: &[ColorRay],
+    radiance: &RadianceParameters,
+) -> (f64, Batch) {
+    let host = Host { nodes: tree, prior: &tree.prior };
+    let (mut batch, p) = (Batch::default(), parameters(Stencil::Forward));
+    let loss = backend.compare_colors(&host, field, rays, &p, radiance, &mut batch);
+    (loss, batch)
+}
+
+#[test]
+fn gradients_are_central_differences() {
+    let (tree, field) = (plane(0.01), painted(stripes));
+    let mut backend = rough_backend(Profile::Lite, 1, tree.rows.len());
+    // Not so rough that distances beyond the reach of colours take part.
+    for row in &mut backend.rows.learned {
+        row.explicit = row.explicit.map(|x| 0.1 * x);
+        row.sdf_feature = row.sdf_feature.map(|x| 0.2 * x);
+    }
+    // Far from every colour, so that no difference changes its sign.
+    let rays = rays(24, |_| Vec3::new(2.0, -1.0, 2.0));
+    let radiance = RadianceParameters { weight: 100.0, ..radiance(0.0, 80.0) };
+    let loss = |backend: &mut CpuBackend| {
+        f64::from(radiance.weight) * compare(backend, &tree, &field, &rays, &radiance).0
+    };
+    let (_, batch) = compare(&mut backend, &tree, &field, &rays, &radiance);
+    let host = Host { nodes: &tree, prior: &tree.prior };
+    let report = backend.accumulate(&host, &batch, &parameters(Stencil::Forward)).expect("valid");
+    assert_eq!(report.losses.total, 0.0, "they pay no loss of their own");
+    let gradients = backend.rows.gradients(&backend.outputs);
+    let by_weights = backend.sdf_memory.gradient.clone();
+    let mut compared = 0;
+    let mut check = |name: &str, found: f32, difference: &mut dyn FnMut(f32) -> f64, step: f32| {
+        let (low, middle, high) = (difference(-step), difference(0.0), difference(step));
+        let expected = (high - low) / f64::from(2.0 * step);
+        let kink = ((high - middle) - (middle - low)).abs() > 0.02 * (high - low).abs() + 1e-6;
+        if !kink {
+            let error = (f64::from(found) - expected).abs();
+            assert!(error < 0.03 + 0.04 * expected.abs(), "{name}: {found} but {expected}");
+            compared += usize::from(expected.abs() > 0.1);
+        }
+    };
+    for (row, gradient) in gradients.iter().step_by(3) {
+        assert!(!gradient.occupied, "colours say nothing of occupancy");
+        for column in [0, 5, 24, 27] {
+            let mut difference = |by: f32| {
+                let learned = &mut backend.rows.learned[*row as usize];
+                let value = match column {
+                    24.. => &mut learned.explicit[column - 24],
+                    _ => &mut learned.sdf_feature[column],
+                };
+                let before = std::mem::replace(value, *value + by);
+                let loss = loss(&mut backend);
+                let learned = &mut backend.rows.learned[*row as usize];
+                match column {
+                    24.. => learned.explicit[column - 24] = before,
+                    _ => learned.sdf_feature[column] = before,
+                }
+                loss
+            };
+            check("row", gradient.columns[column], &mut difference, 1e-3);
+        }
+    }
+    for (i, found) in by_weights.iter().enumerate().step_by(37) {
+        let mut difference = |by: f32| {
+            let mut nudge = |by: f32| {
+                Arc::make_mut(&mut backend.decoders).sdf.update(|weights| weights[i] += by);
+            };
+            nudge(by);
+            let loss = loss(&mut backend);
+            Arc::make_mut(&mut backend.decoders).sdf.update(|weights| weights[i] -= by);
+            loss
+        };
+        check("weight", *found, &mut difference, 1e-3);
+    }
+    assert!(compared > 20, "only {compared} gradients were not small");
+}
+
+#[test]
+fn colours_are_learned_from_rays() {
+    let (tree, field) = (plane(0.0), painted(|_| Vec3::splat(0.5)));
+    let mut backend = backend(Profile::Lite, 2);
+    backend.resize(tree.rows.len());
+    let rays = rays(2048, stripes);
+    let radiance = radiance(0.05, 200.0);
+    let (before, _) = compare(&mut backend, &tree, &field, &rays, &radiance);
+    let mut after = before;
+    for _ in 0..60 {
+        (after, _) = compare(&mut backend, &tree, &field, &rays, &radiance);
+    }
+    assert!(before > 0.15 && after < 0.2 * before, "{before} {after}");
+    let (mut blocks, mut largest) = (Vec::new(), 0.0f32);
+    backend.radiance.read_changed(SCALE.vertices(), &mut |block, learned| {
+        blocks.push(block);
+        largest = learned.as_flattened().iter().fold(largest, |most, x| most.max(x.abs()));
+    });
+    assert!(blocks.is_sorted() && blocks.len() > 20 && largest > 0.5, "{blocks:?} {largest}");
+    backend.radiance.read_changed(SCALE.vertices(), &mut |_, _| panic!("told once"));
+}
+
+#[test]
+fn a_surface_moves_to_where_its_colours_fit() {
+    // The map holds the colours of the true plane, and its surface 1.5 cm too high.
+    let (tree, field) = (plane(-0.015), painted(stripes));
+    let mut backend = backend(Profile::Lite, 2);
+    backend.resize(tree.rows.len());
+    let rays = rays(2048, stripes);
+    let radiance = radiance(0.0, 200.0);
+    let p = parameters(Stencil::Forward);
+    let host = Host { nodes: &tree, prior: &tree.prior };
+    let points =
+        (0..400).map(|i| Vec3::new((i % 20) as f32 - 9.5, (i / 20) as f32 - 9.5, 0.0) * 0.02);
+    let on_plane = March { points: points.collect(), ..March::default() };
+    let error = |backend: &mut CpuBackend| {
+        backend.distances_at(&host, &on_plane, &p);
+        backend.radiance.distances.iter().map(|f| f.abs()).sum::<f32>() / 400.0
+    };
+    assert!((error(&mut backend) - 0.015).abs() < 1e-6);
+    for _ in 0..100 {
+        let (_, batch) = compare(&mut backend, &tree, &field, &rays, &radiance);
+        backend.step(&host, &batch, &p).expect("a valid batch");
+    }
+    let after = error(&mut backend);
+    assert!(after < 0.006, "{after}");
+}
+
+#[test]
+fn threads_do_not_show() {
+    let (tree, field) = (plane(0.01), painted(stripes));
+    let run = |threads| {
+        let mut backend = backend(Profile::Lite, threads);
+        backend.resize(tree.rows.len());
+        let rays = rays(500, |at| stripes(at + 0.1));
+        let (loss, batch) = compare(&mut backend, &tree, &field, &rays, &radiance(0.05, 200.0));
+        (loss.to_bits(), batch.distances, backend.radiance.export())
+    };
+    assert_eq!(run(1), run(3));
+}
