@@ -108,6 +108,7 @@ fn parameters(profile: Profile) -> StepParameters {
         decoder_rate: 1e-3,
         stencil: if profile == Profile::Full { Stencil::Central } else { Stencil::Forward },
         weights: LossWeights::default(),
+        radiance: None,
     }
 }
 
