@@ -85,6 +85,9 @@ pub struct ImageErrors {
     /// Only where the user gave a network.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lpips: Option<f64>,
+    /// How fast the views were drawn. Not in the report, which is the same on every machine.
+    #[serde(skip)]
+    pub images_per_second: f64,
 }
 
 /// The paper's geometry table, in its units, with what was known beside the means.
@@ -244,6 +247,7 @@ mod tests {
             coverage: 0.99,
             renderer: "tile".into(),
             lpips: None,
+            images_per_second: 9.0,
         };
         let report = |images| Report { images: Some(images), ..Report::default() };
         let json = serde_json::to_value(report(images.clone())).expect("plain data");

@@ -109,6 +109,7 @@ fn parameters(profile: Profile) -> StepParameters {
         stencil: if profile == Profile::Full { Stencil::Central } else { Stencil::Forward },
         radiance: None,
         weights: LossWeights::default(),
+        radiance: None,
     }
 }
 

@@ -1,7 +1,6 @@
 //! The measurements, a table each.
 
 use std::io::Write;
-use std::time::Instant;
 
 use rayon::ThreadPool;
 
@@ -9,12 +8,10 @@ use super::page::{Better, Column, Row, Table};
 use crate::cli::bench::recording::Recording;
 use crate::cli::eval::judge;
 use crate::config::{MapSettings, Prior, Profile, name_of};
-use crate::dataset::{self, Format, Noise};
+use crate::dataset::Noise;
 use crate::error::Result;
 use crate::eval::{FieldErrors, ImageErrors, Lpips, Truth, image_errors};
-use crate::map::{
-    Camera, Channels, MapView, RenderSettings, Renderer, SamplePosition, query_pool, render,
-};
+use crate::map::{MapView, RenderSettings, Renderer, SamplePosition, query_pool};
 
 /// The paper's levels (tab:noise_robustness), m and m per m.
 const NOISE: [Noise; 6] = [
@@ -213,9 +210,8 @@ impl<'a> Study<'a> {
         for (name, settings) in variants {
             let errors = image_errors(&view, novel, settings, self.lpips.as_ref(), &self.pool)?;
             let Some(errors) = errors else { return Ok(None) };
-            let per_second = images_per_second(&view, novel, settings, &self.pool)?;
-            say(&format!("  {name}: {per_second:.1} images/s"));
-            rows.push(Row::new(name, image_values(&errors, per_second)));
+            say(&format!("  {name}: {:.1} images/s", errors.images_per_second));
+            rows.push(Row::new(name, image_values(&errors)));
         }
         self.usual = Some(view);
         let columns = vec![
@@ -230,38 +226,15 @@ impl<'a> Study<'a> {
     }
 }
 
-fn image_values(errors: &ImageErrors, per_second: f64) -> Vec<f64> {
+fn image_values(errors: &ImageErrors) -> Vec<f64> {
     vec![
         errors.psnr_covered,
         errors.ssim,
         errors.lpips.unwrap_or(f64::NAN),
         errors.depth_l1_m * 1e3,
         errors.coverage * 1e2,
-        per_second,
+        errors.images_per_second,
     ]
-}
-
-/// How fast the colours and depths of the views are drawn, one after the other.
-fn images_per_second(
-    view: &MapView,
-    novel: &std::path::Path,
-    settings: &RenderSettings,
-    pool: &ThreadPool,
-) -> Result<f64> {
-    let data = dataset::open(novel, Format::SevenScenes)?;
-    let channels = Channels { color: true, depth: true, ..Channels::default() };
-    let mut cameras = Vec::with_capacity(data.len());
-    for index in 0..data.len() {
-        let frame = data.load(index, false)?;
-        let world_from_camera = frame.world_from_camera;
-        cameras.push(Camera { world_from_camera, intrinsics: frame.intrinsics });
-    }
-    let started = Instant::now();
-    let drawn = cameras
-        .iter()
-        .filter(|camera| render(view, camera, channels, settings, pool, &|| false).is_some())
-        .count();
-    Ok(drawn as f64 / started.elapsed().as_secs_f64())
 }
 
 /// A line of progress: maps take a while.

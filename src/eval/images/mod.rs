@@ -6,6 +6,7 @@ mod pixels;
 mod ssim;
 
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use rayon::ThreadPool;
 
@@ -31,13 +32,17 @@ pub fn image_errors(
         return Ok(None);
     }
     let data = dataset::open(novel, Format::SevenScenes)?;
-    let mut errors = Vec::with_capacity(data.len());
+    let (mut errors, mut drawing) = (Vec::with_capacity(data.len()), Duration::ZERO);
     for index in 0..data.len() {
-        errors.push(pair_errors(view, data.as_ref(), index, settings, lpips, pool)?);
+        let (pair, spent) = pair_errors(view, data.as_ref(), index, settings, lpips, pool)?;
+        errors.push(pair);
+        drawing += spent;
     }
-    Ok(Some(mean(&errors, name_of(settings.renderer))))
+    let images_per_second = errors.len() as f64 / drawing.as_secs_f64();
+    Ok(Some(ImageErrors { images_per_second, ..mean(&errors, name_of(settings.renderer)) }))
 }
 
+/// What one view scores, and how long it was drawn.
 fn pair_errors(
     view: &MapView,
     data: &dyn Dataset,
@@ -45,7 +50,7 @@ fn pair_errors(
     settings: &RenderSettings,
     lpips: Option<&Lpips>,
     pool: &ThreadPool,
-) -> Result<PairErrors> {
+) -> Result<(PairErrors, Duration)> {
     let truth = data.load(index, true)?;
     let missing =
         || Error::invalid("truth", format!("view {index} of {} has no colour", data.name()));
@@ -54,8 +59,10 @@ fn pair_errors(
         Camera { world_from_camera: truth.world_from_camera, intrinsics: truth.intrinsics };
     camera.check()?;
     let channels = Channels { color: true, depth: true, ..Channels::default() };
+    let started = Instant::now();
     let rendering = render(view, &camera, channels, settings, pool, &|| false)
         .ok_or_else(|| Error::Internal("a rendering was left, though nobody asked".into()))?;
+    let spent = started.elapsed();
     let ours: Vec<[u8; 3]> =
         rendering.color.iter().map(|c| c.to_array().map(pixels::to_byte)).collect();
     let pair = Pair {
@@ -68,7 +75,7 @@ fn pair_errors(
     };
     let mut errors = pool.install(|| pair.errors());
     errors.lpips = lpips.map(|lpips| lpips.distance(&pair)).transpose()?;
-    Ok(errors)
+    Ok((errors, spent))
 }
 
 /// The mean of each figure over the images that have it.
@@ -93,6 +100,7 @@ fn mean(errors: &[PairErrors], renderer: String) -> ImageErrors {
             .iter()
             .any(|e| e.lpips.is_some())
             .then(|| over(&|e| e.lpips.unwrap_or(f64::NAN))),
+        images_per_second: f64::NAN,
     }
 }
 

@@ -246,10 +246,10 @@ impl Compare<'_> {
                 source.scatter(*by * shade.color * (1.0 - shade.color), &mut out.by_rows);
             }
             for (piece, by) in by_f.iter().enumerate() {
-                for end in 0..2 {
+                for (end, &by) in by.iter().enumerate() {
                     let near = pieces[piece].f[end].abs() < NEAR_M;
-                    if near && by[end] != 0.0 {
-                        out.by_points.push((self.march.points_of[begin + piece][end], by[end]));
+                    if near && by != 0.0 {
+                        out.by_points.push((self.march.points_of[begin + piece][end], by));
                     }
                 }
             }
