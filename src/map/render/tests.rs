@@ -166,9 +166,9 @@ fn a_ball_is_round() {
                 let expected = -b - root.sqrt();
                 let normal = (eye + direction * expected).normalize();
                 let error_m = (depth - expected) * direction.dot(normal);
-                // What interpolation in voxels of a seventh of the radius is off by.
+                // What interpolation is off by in voxels of a seventh of the radius; 0.1 rad.
                 assert!(error_m.abs() < 4.5e-3, "{renderer:?} {i}: {depth} {expected}");
-                assert!(found.dot(normal) > 0.999, "{renderer:?} {i}: {found} {normal}");
+                assert!(found.dot(normal) > 0.995, "{renderer:?} {i}: {found} {normal}");
                 hits += 1;
             }
         });
