@@ -109,7 +109,6 @@ fn parameters(profile: Profile) -> StepParameters {
         stencil: if profile == Profile::Full { Stencil::Central } else { Stencil::Forward },
         radiance: None,
         weights: LossWeights::default(),
-        radiance: None,
     }
 }
 
