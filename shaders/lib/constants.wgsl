@@ -25,6 +25,10 @@ const SURFACE = 2u;
 // Most points of a stencil; the distance from its centre, m.
 const STENCIL_POINTS = 6u;
 const STENCIL_M: f32 = 0.03;
+// The share of a corner's gradient that counts.
+const GRADIENT_SHARE: f32 = 0.5;
+// The share of a surfel's radius around its rim that counts as over the disc.
+const RIM_SHARE: f32 = 0.5;
 const CONTEXT_LIMIT_M: f32 = 1.0;
 const SURFACE_LOGIT: f32 = 1.0986123;
 const OCCUPANCY_WIDTH_M: f32 = 0.025;

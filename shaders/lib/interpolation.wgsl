@@ -14,12 +14,12 @@ fn corner_weight(place: vec4f, k: u32) -> f32 {
   return factors.x * factors.y * factors.z;
 }
 
-// x − x_k, m.
-fn from_corner(place: vec4f, k: u32) -> vec3f {
-  return place.xyz - place.w * upper(k);
+// GRADIENT_SHARE of x − x_k, m: what G_k is multiplied by.
+fn lever(place: vec4f, k: u32) -> vec3f {
+  return GRADIENT_SHARE * (place.xyz - place.w * upper(k));
 }
 
-// D_k + G_kᵀ(x − x_k).
+// D_k + ½ G_kᵀ(x − x_k).
 fn extrapolated(place: vec4f, k: u32, vertex: vec4f) -> f32 {
-  return vertex.x + dot(vertex.yzw, from_corner(place, k));
+  return vertex.x + dot(vertex.yzw, lever(place, k));
 }

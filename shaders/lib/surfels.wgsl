@@ -3,6 +3,7 @@
 // through it, by row), `surfels`, `bricks` (a table with a power of two of slots: a brick's place,
 // and its id + 1 or 0) and `cells` (first surfel and the epoch since which it is free or 0; CELLS
 // a brick). Constants: CELLS (8³), NEAR_M (how far cells are searched).
+#import lib/constants
 #import lib/draw
 #import lib/octree
 
@@ -115,6 +116,9 @@ fn disc_distance(surfel: Surfel, point: vec3f) -> f32 {
     return height;
   }
   let to_rim = max(length(offset - lateral * (draw.radius_m / reach)), 1e-9);
+  if to_rim < RIM_SHARE * draw.radius_m {
+    return height;
+  }
   return select(to_rim, -to_rim, height < 0.0);
 }
 

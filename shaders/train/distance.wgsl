@@ -194,7 +194,7 @@ fn scatter(t: u32) {
           sum += weight * features[i * INPUT_QUADS + quad];
         } else {
           let by_distance = by_outputs[i] + by_contexts[i] * context_slope(distances[i]);
-          sum += (weight * by_distance) * vec4f(1.0, from_corner(places[i], corner));
+          sum += (weight * by_distance) * vec4f(1.0, lever(places[i], corner));
         }
       }
       let row = corners[nodes[leader]][corner];

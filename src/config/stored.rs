@@ -125,7 +125,7 @@ mod tests {
         let expected = [
             "profile lite (not full)",
             "prior closed (not learned)",
-            "modalities sdf,occupancy (not sdf)",
+            "modalities sdf,occupancy,radiance (not sdf)",
             "r0_m 0.05 (not 0.1)",
             "seed 0 (not 3)",
         ];

@@ -31,14 +31,18 @@ pub(super) fn depth(path: &Path, units_per_metre: f32, size: (u32, u32)) -> Resu
 }
 
 /// A JPEG or PNG as 8-bit RGB; its size must be `size`, for depth and colour share intrinsics.
-pub(super) fn color(path: &Path, size: (u32, u32)) -> Result<ColorImage> {
+/// `None` where there is no file: depth alone makes a map too.
+pub(super) fn color(path: &Path, size: (u32, u32)) -> Result<Option<ColorImage>> {
+    if let Ok(false) = path.try_exists() {
+        return Ok(None);
+    }
     let mut reader = ImageReader::new(open(path)?)
         .with_guessed_format()
         .map_err(|source| Error::io(path, source))?;
     reader.limits(limits());
     let image = reader.decode().map_err(|e| broken(path, e))?.into_rgb8();
     check_size(path, image.dimensions(), size)?;
-    Ok(ColorImage { width: size.0, height: size.1, rgb: image.into_raw() })
+    Ok(Some(ColorImage { width: size.0, height: size.1, rgb: image.into_raw() }))
 }
 
 fn open(path: &Path) -> Result<BufReader<File>> {

@@ -55,7 +55,8 @@ pub trait Dataset: Send + Sync {
         Vec::new()
     }
 
-    /// Reads one frame; colour is decoded only when asked for.
+    /// Reads one frame; colour is decoded only when asked for, and absent where the recording has
+    /// none.
     fn load(&self, index: usize, with_color: bool) -> Result<Frame>;
 }
 

@@ -121,7 +121,7 @@ impl Dataset for Replica {
             world_from_camera: self.world_from_camera[index],
             intrinsics: self.intrinsics,
             depth,
-            color: color.transpose()?,
+            color: color.transpose()?.flatten(),
         })
     }
 }

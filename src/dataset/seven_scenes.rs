@@ -96,7 +96,7 @@ impl Dataset for SevenScenes {
             world_from_camera: entry.world_from_camera,
             intrinsics: self.intrinsics,
             depth: decode::depth(&depth_path, UNITS_PER_METRE, size)?,
-            color: color.transpose()?,
+            color: color.transpose()?.flatten(),
         })
     }
 }

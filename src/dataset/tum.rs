@@ -106,7 +106,7 @@ impl Dataset for Tum {
             world_from_camera: entry.world_from_camera,
             intrinsics: self.intrinsics,
             depth: decode::depth(&entry.depth, UNITS_PER_METRE, size)?,
-            color: color.map(|path| decode::color(path, size)).transpose()?,
+            color: color.map_or(Ok(None), |path| decode::color(path, size))?,
         })
     }
 }

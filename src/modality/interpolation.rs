@@ -8,7 +8,7 @@
 )]
 
 use crate::geometry::simd::{Four, Lanes};
-use crate::octree::Explicit;
+use crate::octree::{Explicit, GRADIENT_SHARE};
 
 /// One number for each corner.
 pub type Corners = [f32; 8];
@@ -40,16 +40,17 @@ pub fn by_column(rows: [&Explicit; 8]) -> ExplicitCorners {
 
 // No closures below: they would be compiled outside the kernels' instruction set.
 impl Place {
-    /// x − x_k by axis, m.
+    /// [`GRADIENT_SHARE`] of x − x_k by axis, m: what G_k is multiplied by.
     #[inline(always)]
-    fn offsets_from_corners(&self) -> [Corners; 3] {
-        let mut from = [[0.0; 8]; 3];
+    fn levers(&self) -> [Corners; 3] {
+        let mut levers = [[0.0; 8]; 3];
         for axis in 0..3 {
             for k in 0..8 {
-                from[axis][k] = self.offset_m[axis] - self.size_m * UPPER[axis][k];
+                levers[axis][k] =
+                    GRADIENT_SHARE * (self.offset_m[axis] - self.size_m * UPPER[axis][k]);
             }
         }
-        from
+        levers
     }
 
     /// The factors of the trilinear weights, by axis: 1 − t on the lower side, t on the upper.
@@ -103,7 +104,7 @@ impl Place {
             let mut shares = [0.0; 8];
             for k in 0..8 {
                 let slope = if UPPER[axis][k] > 0.0 { scale } else { -scale };
-                let along = weights[k] * explicit[1 + axis][k];
+                let along = GRADIENT_SHARE * weights[k] * explicit[1 + axis][k];
                 shares[k] = a[k] * b[k] * (slope * terms[k]) + along;
             }
             gradient[axis] = sum(shares);
@@ -115,14 +116,14 @@ impl Place {
         (sum(shares), gradient)
     }
 
-    /// D_k + G_kᵀ(x − x_k).
+    /// D_k + ½ G_kᵀ(x − x_k).
     #[inline(always)]
     fn extrapolated(&self, explicit: &ExplicitCorners) -> Corners {
-        let from = self.offsets_from_corners();
+        let levers = self.levers();
         let mut terms = explicit[0];
         for k in 0..8 {
-            terms[k] += explicit[1][k] * from[0][k]
-                + (explicit[2][k] * from[1][k] + explicit[3][k] * from[2][k]);
+            terms[k] += explicit[1][k] * levers[0][k]
+                + (explicit[2][k] * levers[1][k] + explicit[3][k] * levers[2][k]);
         }
         terms
     }
@@ -136,13 +137,13 @@ pub fn spread(
     by_distance: f32,
     by_explicit: &mut ExplicitCorners,
 ) {
-    let from = place.offsets_from_corners();
+    let levers = place.levers();
     for k in 0..8 {
         let share = weights[k] * by_distance;
         by_explicit[0][k] += share;
-        by_explicit[1][k] += share * from[0][k];
-        by_explicit[2][k] += share * from[1][k];
-        by_explicit[3][k] += share * from[2][k];
+        by_explicit[1][k] += share * levers[0][k];
+        by_explicit[2][k] += share * levers[1][k];
+        by_explicit[3][k] += share * levers[2][k];
     }
 }
 

@@ -1,6 +1,6 @@
 //! The fields of the map: per-vertex columns, decoders, losses and read-out. No backend types.
 //!
-//! The explicit part of a row is prior plus learned: d_ga(x) = Σ w_k [D_k + G_kᵀ(x − x_k)] over
+//! The explicit part of a row is prior plus learned: d_ga(x) = Σ w_k [D_k + ½ G_kᵀ(x − x_k)] over
 //! the corners of the finest voxel, with trilinear weights w_k (paper, signed distance). On top of
 //! it stand two zero-anchored decoders ([`decoder`]): the signed distance is
 //! f(x) = d_ga + D_s(c, Σ w_k f_k) and the occupancy logit is ℓ(x) = ℓ0(d_ga) + D_o(c, Σ w_k o_k),

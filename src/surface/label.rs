@@ -3,7 +3,8 @@
 
 use glam::{IVec3, Vec3};
 
-use super::fusion::{NEAR_M, Surface};
+use super::fusion::Surface;
+use super::lattice::NEAR_M;
 use super::split::nearest_corner;
 use super::surfel::NO_SURFEL;
 use crate::octree::{NodeSource, Topology, locate};

@@ -5,6 +5,7 @@ mod color;
 mod evidence;
 mod fusion;
 mod label;
+mod lattice;
 mod noise;
 mod observe;
 mod prior;
@@ -16,6 +17,7 @@ mod test_frame;
 
 pub use color::{ColorField, ColorState, SeenColor};
 pub use evidence::{BRICK_CELLS, CELLS, Carved, CellAddress, Evidence, EvidenceState, Known};
-pub use fusion::{Lattice, NEAR_M, Surface, SurfaceChange, SurfaceState};
+pub use fusion::{Surface, SurfaceChange, SurfaceState};
+pub use lattice::{Lattice, NEAR_M};
 pub use prior::{PriorChange, PriorField, PriorState};
-pub use surfel::{Link, NO_SURFEL, Surfel, SurfelMap, SurfelState, Touch};
+pub use surfel::{Link, NO_SURFEL, RIM_SHARE, Surfel, SurfelMap, SurfelState, Touch};

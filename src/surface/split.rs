@@ -3,9 +3,10 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::fusion::{NEAR_M, Surface};
+use super::fusion::Surface;
+use super::lattice::NEAR_M;
 use super::surfel::NO_SURFEL;
-use crate::octree::{NO_NODE, NodeSource, Topology};
+use crate::octree::{GRADIENT_SHARE, NO_NODE, NodeSource, Topology};
 
 /// Voxels around `rows` whose interpolated prior differs by more than `limit_m` from the surfels
 /// at the centre or a child centre, in a fixed order. Only observed or near space is refined.
@@ -91,7 +92,7 @@ fn interpolate(values: &[[f32; 4]; 8], local: Vec3, size: f32) -> f32 {
         let w = Vec3::ONE - (local - bit).abs();
         let offset = (local - bit) * size;
         let gradient = Vec3::new(value[1], value[2], value[3]);
-        sum += w.x * w.y * w.z * (value[0] + gradient.dot(offset));
+        sum += w.x * w.y * w.z * (value[0] + GRADIENT_SHARE * gradient.dot(offset));
     }
     sum
 }

@@ -44,6 +44,10 @@ pub struct Surfel {
     key: u64,
 }
 
+/// A place nearer to the rim than this share of the radius counts as over the disc: in the gaps
+/// between discs of a flat surface the plane says more than a rim, whose gradient points sideways.
+pub const RIM_SHARE: f32 = 0.5;
+
 impl Surfel {
     /// Whether the surfel is part of the surface.
     #[inline]
@@ -53,8 +57,8 @@ impl Surfel {
 
     /// Signed distance of a point to the surfel as a disc of radius `radius`, and its gradient.
     ///
-    /// Over the disc it is the distance to the plane; beside it, the Euclidean distance to the
-    /// rim with the plane's sign.
+    /// Over the disc, and right beside it ([`RIM_SHARE`]), it is the distance to the plane; farther
+    /// off, the Euclidean distance to the rim with the plane's sign.
     #[inline]
     pub fn signed_distance(&self, point: Vec3, radius: f32) -> (f32, Vec3) {
         let offset = point - self.position;
@@ -66,6 +70,9 @@ impl Surfel {
         }
         let to_rim = offset - lateral * (radius / reach);
         let distance = to_rim.length().max(1e-9);
+        if distance < RIM_SHARE * radius {
+            return (height, self.normal);
+        }
         let sign = if height < 0.0 { -1.0 } else { 1.0 };
         (sign * distance, to_rim * (sign / distance))
     }

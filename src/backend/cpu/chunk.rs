@@ -8,11 +8,11 @@ use super::Host;
 use super::interpolate::{Evaluation, FEATURES, Gather, Scatter, Voxel};
 use super::objective::{Factors, lose};
 use super::plan::{Plan, Site};
-use super::table::IndexTable;
+use super::workspace::{TILE, TileSample, Workspace};
 use crate::backend::{LearnedRow, Losses, StepParameters};
 use crate::geometry::simd::{InstructionSet, LINE, Lines, prefetch};
-use crate::modality::decoder::{Activations, Gradient, POINTS_MULTIPLE};
-use crate::modality::interpolation::{ExplicitCorners, Place, by_column};
+use crate::modality::decoder::{Gradient, POINTS_MULTIPLE};
+use crate::modality::interpolation::{Place, by_column};
 use crate::modality::losses::STENCIL_M;
 use crate::modality::{Decoders, sdf};
 use crate::octree::{Explicit, Found, Lookup, NO_NODE, NodeSource};
@@ -21,8 +21,6 @@ use glam::Vec3;
 
 /// Samples of one chunk.
 pub(super) const CHUNK: usize = 256;
-/// Most evaluations of one tile: their activations stay in the second-level cache.
-const TILE: usize = 128;
 
 /// Samples whose rows are asked for ahead of their use.
 const AHEAD: usize = 6;
@@ -54,76 +52,6 @@ pub(super) struct Output {
     pub by_occupancy_weights: Lines,
     /// Sums, not means.
     pub losses: Losses,
-}
-
-/// One thread's working space.
-pub(super) struct Workspace {
-    voxel_index: IndexTable,
-    /// The node asked for last and its index; [`NO_NODE`] at first.
-    last_voxel: (u32, usize),
-    row_index: IndexTable,
-    voxels: Vec<Voxel>,
-    by_voxels: Vec<ExplicitCorners>,
-    values: Vec<[f32; FEATURES]>,
-    tile: Tile,
-    sdf: Activations,
-    occupancy: Activations,
-}
-
-/// The evaluations of one tile: the samples themselves, then their stencils, then padding.
-pub(super) struct Tile {
-    pub(super) samples: Vec<TileSample>,
-    pub(super) evaluations: Vec<Evaluation>,
-    pub(super) distances: Lines,
-    pub(super) contexts: Lines,
-    pub(super) residuals: Lines,
-    pub(super) logits: Lines,
-    pub(super) sdf_features: Lines,
-    pub(super) occupancy_features: Lines,
-    /// ∂L/∂f, then ∂L/∂d_ga.
-    pub(super) by_distances: Lines,
-    pub(super) by_contexts: Lines,
-    pub(super) by_logits: Lines,
-    pub(super) by_sdf_features: Lines,
-    pub(super) by_occupancy_features: Lines,
-}
-
-pub(super) struct TileSample {
-    pub(super) sample: u32,
-    /// First evaluation of its stencil; 0 without one.
-    pub(super) stencil: usize,
-}
-
-impl Workspace {
-    pub(super) fn new() -> Self {
-        let one = || Lines::zeros(TILE);
-        let rows = || Lines::zeros(TILE * LINE);
-        Self {
-            voxel_index: IndexTable::new(),
-            last_voxel: (NO_NODE, 0),
-            row_index: IndexTable::new(),
-            voxels: Vec::new(),
-            by_voxels: Vec::new(),
-            values: Vec::new(),
-            tile: Tile {
-                samples: Vec::with_capacity(TILE),
-                evaluations: Vec::with_capacity(TILE),
-                distances: one(),
-                contexts: one(),
-                residuals: one(),
-                logits: one(),
-                sdf_features: rows(),
-                occupancy_features: rows(),
-                by_distances: one(),
-                by_contexts: one(),
-                by_logits: one(),
-                by_sdf_features: rows(),
-                by_occupancy_features: rows(),
-            },
-            sdf: Activations::default(),
-            occupancy: Activations::default(),
-        }
-    }
 }
 
 /// Runs the chunk that starts at `start` in the plan's order.

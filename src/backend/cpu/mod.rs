@@ -17,6 +17,7 @@ mod rows;
 mod table;
 #[cfg(test)]
 pub(super) mod tests;
+mod workspace;
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -24,11 +25,12 @@ use std::time::{Duration, Instant};
 use rayon::ThreadPool;
 use rayon::prelude::*;
 
-use self::chunk::{CHUNK, Inputs, Output, Workspace};
+use self::chunk::{CHUNK, Inputs, Output};
 use self::decoder::DecoderMemory;
 use self::plan::Plan;
 use self::radiance::Radiance;
 use self::rows::Rows;
+use self::workspace::Workspace;
 use super::{
     Backend, BackendState, Changes, LABELS, LearnedRow, Losses, MAX_SAMPLES, Pass, ROW_BYTES,
     RowMoments, Scene, StepParameters, StepReport, Work, WorkReport,

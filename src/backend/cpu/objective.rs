@@ -1,7 +1,8 @@
 //! What a step lowers: the losses of a tile's samples, and their derivatives.
 
-use super::chunk::{Inputs, Tile, TileSample};
+use super::chunk::Inputs;
 use super::plan::Plan;
+use super::workspace::{Tile, TileSample};
 use crate::backend::{Losses, StepParameters};
 use crate::modality::losses::{Stencil, absolute, consistency, cross_entropy};
 use crate::modality::occupancy;

@@ -11,8 +11,9 @@ use rayon::prelude::*;
 
 use self::march::March;
 use self::rows::Rows;
-use super::chunk::{self, CHUNK, Output, Workspace};
+use super::chunk::{self, CHUNK, Output};
 use super::plan::Plan;
+use super::workspace::Workspace;
 use super::{CpuBackend, Host, Inputs};
 use crate::backend::{ColorRows, RadianceParameters, StepParameters};
 use crate::modality::composite::{Shade, Share, backward, divide, mix};

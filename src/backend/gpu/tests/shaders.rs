@@ -2,6 +2,8 @@
 
 use super::super::shader::{self, Constant};
 use super::super::{layout, sampling};
+use crate::octree::GRADIENT_SHARE;
+use crate::surface::RIM_SHARE;
 use crate::train::SampleKind;
 
 /// Every kernel, with constants that it can be compiled with.
@@ -87,6 +89,8 @@ fn constants_are_the_hosts() {
         ("LOSSES", layout::LOSSES as f64),
         ("STENCIL_POINTS", losses::Stencil::MAX as f64),
         ("STENCIL_M", losses::STENCIL_M.into()),
+        ("GRADIENT_SHARE", GRADIENT_SHARE.into()),
+        ("RIM_SHARE", RIM_SHARE.into()),
         ("CONFIDENT_LOGIT", losses::CONFIDENT_LOGIT.into()),
         ("SAFE_NORM", losses::SAFE_NORM.into()),
         ("CONTEXT_LIMIT_M", sdf::CONTEXT_LIMIT_M.into()),

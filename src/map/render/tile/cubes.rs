@@ -9,7 +9,7 @@ use super::super::{Job, Rays};
 use crate::modality::RowSource;
 use crate::modality::interpolation::Place;
 use crate::modality::read::{Sample, evaluate_samples};
-use crate::octree::{Cell, NodeSource};
+use crate::octree::{Cell, GRADIENT_SHARE, NodeSource};
 
 /// Nothing nearer to the camera than this is drawn, m.
 const NEAREST_M: f32 = 1e-3;
@@ -180,7 +180,8 @@ fn read_corners(job: &Job<'_>, cubes: &mut [Cube]) {
             let row = store.row(row);
             has_learned |= row.features.sdf.iter().any(|x| x.0 != 0);
             let [d, x, y, z] = row.explicit;
-            cube.corners[k] = [d, x * size, y * size, z * size];
+            let lever = GRADIENT_SHARE * size;
+            cube.corners[k] = [d, x * lever, y * lever, z * lever];
         }
         if has_learned {
             learned.push(i);

@@ -1,0 +1,108 @@
+//! The sections of a map file.
+
+use crate::storage::sections::Tag;
+
+pub(super) const KIND: Tag = Tag(*b"KIND");
+pub(super) const CONFIG: Tag = Tag(*b"CONF");
+pub(super) const PROGRESS: Tag = Tag(*b"PROG");
+pub(super) const TREE: Tag = Tag(*b"TREE");
+pub(super) const NODE_CHILDREN: Tag = Tag(*b"NCHI");
+pub(super) const NODE_CORNERS: Tag = Tag(*b"NCOR");
+pub(super) const NODE_LOWS: Tag = Tag(*b"NLOW");
+pub(super) const NODE_SIZES: Tag = Tag(*b"NSIZ");
+pub(super) const NODE_BRICKS: Tag = Tag(*b"NBRK");
+pub(super) const VERTICES: Tag = Tag(*b"VERT");
+pub(super) const SURFELS: Tag = Tag(*b"SURF");
+pub(super) const SURFEL_LINKS: Tag = Tag(*b"SLNK");
+pub(super) const SURFEL_FREE: Tag = Tag(*b"SFRE");
+pub(super) const BRICKS: Tag = Tag(*b"EBRK");
+pub(super) const BRICK_KNOWN: Tag = Tag(*b"EKNO");
+pub(super) const CELL_ODDS: Tag = Tag(*b"EODD");
+pub(super) const CELL_CROSSED: Tag = Tag(*b"ECRO");
+pub(super) const CELL_HIT: Tag = Tag(*b"EHIT");
+pub(super) const CELL_SURFELS: Tag = Tag(*b"ESUR");
+pub(super) const PRIOR_NEAREST: Tag = Tag(*b"PNEA");
+pub(super) const PRIOR_REACH: Tag = Tag(*b"PREA");
+pub(super) const PRIOR_VALUES: Tag = Tag(*b"PVAL");
+pub(super) const PRIOR_SEEN: Tag = Tag(*b"PSEE");
+pub(super) const PRIOR_NEXT: Tag = Tag(*b"PNXT");
+pub(super) const PRIOR_PREVIOUS: Tag = Tag(*b"PPRV");
+pub(super) const PRIOR_HEADS: Tag = Tag(*b"PHEA");
+pub(super) const RINGED: Tag = Tag(*b"RING");
+/// Passed over by who only wants distances, and absent in files from before there were several.
+pub(super) const ROBOTS: Tag = Tag(*b"robo");
+pub(super) const KEY_FRAMES: Tag = Tag(*b"KREC");
+pub(super) const KEY_PIXELS: Tag = Tag(*b"KPIX");
+pub(super) const KEY_CELLS: Tag = Tag(*b"KCEL");
+pub(super) const KEY_BLOCKS: Tag = Tag(*b"KBLK");
+pub(super) const KEY_TRAINED: Tag = Tag(*b"KTRA");
+pub(super) const KEY_COUNTS: Tag = Tag(*b"KCNT");
+pub(super) const KEY_IDS: Tag = Tag(*b"KIDS");
+pub(super) const ROWS: Tag = Tag(*b"BROW");
+pub(super) const ROW_MOMENTS: Tag = Tag(*b"BMOM");
+pub(super) const ROW_STEPS: Tag = Tag(*b"BSTP");
+pub(super) const DECODERS: Tag = Tag(*b"BDEC");
+pub(super) const RADIANCE: Tag = Tag(*b"RCON");
+pub(super) const COLOR_CELLS: Tag = Tag(*b"CCEL");
+pub(super) const COLOR_SEEN: Tag = Tag(*b"CSEE");
+pub(super) const COLOR_LEARNED: Tag = Tag(*b"CLRN");
+pub(super) const COLOR_MOMENTS: Tag = Tag(*b"CMOM");
+pub(super) const COLOR_STEPS: Tag = Tag(*b"CSTP");
+pub(super) const KEY_COLORS: Tag = Tag(*b"KCOL");
+pub(super) const KEY_GAINS: Tag = Tag(*b"KGAI");
+pub(super) const VIEW_TEXELS: Tag = Tag(*b"VTEX");
+pub(super) const VIEW: Tag = Tag(*b"VIEW");
+pub(super) const VIEW_ROWS: Tag = Tag(*b"VROW");
+
+pub(super) const ALL: [Tag; 50] = [
+    KIND,
+    CONFIG,
+    PROGRESS,
+    TREE,
+    NODE_CHILDREN,
+    NODE_CORNERS,
+    NODE_LOWS,
+    NODE_SIZES,
+    NODE_BRICKS,
+    VERTICES,
+    SURFELS,
+    SURFEL_LINKS,
+    SURFEL_FREE,
+    BRICKS,
+    BRICK_KNOWN,
+    CELL_ODDS,
+    CELL_CROSSED,
+    CELL_HIT,
+    CELL_SURFELS,
+    PRIOR_NEAREST,
+    PRIOR_REACH,
+    PRIOR_VALUES,
+    PRIOR_SEEN,
+    PRIOR_NEXT,
+    PRIOR_PREVIOUS,
+    PRIOR_HEADS,
+    RINGED,
+    ROBOTS,
+    KEY_FRAMES,
+    KEY_PIXELS,
+    KEY_CELLS,
+    KEY_BLOCKS,
+    KEY_TRAINED,
+    KEY_COUNTS,
+    KEY_IDS,
+    ROWS,
+    ROW_MOMENTS,
+    ROW_STEPS,
+    DECODERS,
+    RADIANCE,
+    COLOR_CELLS,
+    COLOR_SEEN,
+    COLOR_LEARNED,
+    COLOR_MOMENTS,
+    COLOR_STEPS,
+    KEY_COLORS,
+    KEY_GAINS,
+    VIEW_TEXELS,
+    VIEW,
+    VIEW_ROWS,
+];
