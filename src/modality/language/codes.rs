@@ -85,8 +85,12 @@ impl Codes {
 
     /// Takes the code of something seen at a place into the vertices around it that exist, by their
     /// trilinear weights: n ← min(n + w, 20), c ← c + (w / n)(code − c). Coefficients beyond the
-    /// code's end count as zero.
+    /// code's end count as zero. A code that is nothing, of a feature that is zero or from before
+    /// the first atom, is no observation.
     pub fn observe(&mut self, rows: &[u32; 8], weights: &[f32; 8], code: &[f32]) {
+        if code.iter().all(|x| *x == 0.0) {
+            return;
+        }
         for (row, weight) in rows.iter().zip(weights) {
             if *row == NO_VERTEX || *weight <= 0.0 {
                 continue;
@@ -147,6 +151,10 @@ mod tests {
         // A new atom's coefficient fills as (1 - w / 20)^n, after 15 that were plain averages.
         let missing = 0.25 * 0.95f32.powi(85);
         assert!((codes.code(0)[2] - (1.0 - missing)).abs() < 1e-4, "{}", codes.code(0)[2]);
+        let before = codes.code(0).to_vec();
+        one(&mut codes, 1.0, &[]);
+        one(&mut codes, 1.0, &[0.0; 20]);
+        assert_eq!(codes.code(0), before, "nothing is no observation");
         assert_eq!(codes.code(0).len(), 32);
         assert!(codes.code(0)[3..].iter().all(|x| *x == 0.0));
     }
