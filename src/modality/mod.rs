@@ -10,6 +10,7 @@ pub mod composite;
 pub mod decoder;
 pub mod density;
 pub mod interpolation;
+pub mod language;
 pub mod losses;
 pub mod occupancy;
 pub mod radiance;
