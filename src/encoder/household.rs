@@ -54,7 +54,8 @@ const CLASSES: [&str; 42] = [
     "bicycle",
 ];
 
-/// None of them has a word of the class that it means; a seat is either of two.
+/// None of them has a word of the class that it means, and none was chosen after seeing how it does; a
+/// seat is either of two.
 const QUERIES: [(&str, &[&str]); 30] = [
     ("somewhere to sit", &["chair", "sofa"]),
     ("keeps food cold", &["refrigerator"]),
@@ -134,10 +135,14 @@ fn the_static_encoder_knows_what_household_words_mean() {
     let Some(folder) = encoder_dir(test, "static") else { return };
     let encoder = TextEncoder::open_static(&folder).expect("an encoder");
     assert_eq!(encoder.dimension(), 256);
-    let found =
-        encoder.embed(&["somewhere to sit", "chair", "sofa", "refrigerator"]).expect("four");
-    let score = |class: usize| dot(&found[0], &found[class]);
-    assert!(score(1) > score(3) && score(2) > score(3), "{} {} {}", score(1), score(2), score(3));
+    let texts = ["somewhere to sit", "chair", "refrigerator", "sofa"];
+    let found = encoder.embed(&texts).expect("four");
+    let scores = [1, 2, 3].map(|class| dot(&found[0], &found[class]));
+    // By the tokenizer's own Python and numpy. A sofa is the pieces "so" and "fa", which know nothing
+    // of seats.
+    for (score, expected) in scores.into_iter().zip([0.181864, 0.085250, 0.051804]) {
+        assert!((score - expected).abs() < 1e-5, "{scores:?}");
+    }
     let (first, third) = hits(&encoder);
     assert!(first >= 15 && third >= 20, "first {first}, among three {third}");
 }
@@ -150,5 +155,5 @@ fn a_sentence_transformer_knows_what_household_words_mean() {
     let encoder = TextEncoder::open_onnx(&folder).expect("an encoder");
     assert_eq!(encoder.dimension(), 384);
     let (first, third) = hits(&encoder);
-    assert!(first >= 18 && third >= 24, "first {first}, among three {third}");
+    assert!(first >= 20 && third >= 24, "first {first}, among three {third}");
 }
