@@ -17,7 +17,8 @@ CARGO_FLAGS := --release --locked
 demo: setup
 	cargo run $(CARGO_FLAGS) -- demo
 
-# Where the tools are that tests call. A test without this says that it is skipped.
+# Where the encoders and the tools are that tests call. A test without these says that it is skipped.
+test: export ORENX_TEST_ENCODERS := $(CURDIR)/target/encoders
 test: export ORENX_TEST_TOOLS := $(CURDIR)/.venv/bin
 # Mesa's layer that asks a display which GPU it is on: a test has none.
 test: export NODEVICE_SELECT := 1

@@ -14,8 +14,10 @@ use crate::error::{Error, Result};
 
 /// How the names of our variables begin.
 const PREFIX: &str = "ORENX_";
-/// Variables of ours that are no settings: what is logged, and where tests find data and tools.
-const OTHERS: [&str; 3] = ["ORENX_LOG", "ORENX_TEST_DATA", "ORENX_TEST_TOOLS"];
+/// Variables of ours that are no settings: what is logged, and where tests find data, text encoders and
+/// tools.
+const OTHERS: [&str; 4] =
+    ["ORENX_LOG", "ORENX_TEST_DATA", "ORENX_TEST_ENCODERS", "ORENX_TEST_TOOLS"];
 
 impl Settings {
     /// The settings of a process: those of `file` over the defaults, `variables` over them (the whole
@@ -180,6 +182,7 @@ mod tests {
             ("ORENX_MAP_MODALITIES", "sdf, occupancy"),
             ("ORENX_LOG", "info"),
             ("ORENX_TEST_DATA", "/data"),
+            ("ORENX_TEST_ENCODERS", "/encoders"),
             ("ORENX_TEST_TOOLS", "/bin"),
             ("PATH", "/bin"),
         ];

@@ -1,8 +1,23 @@
-//! Networks that others trained, from ONNX files.
+//! Text into numbers, and the networks of others that this and LPIPS need.
+//!
+//! [`TextEncoder`] has three kinds: `static_table` (the mean of token vectors), `onnx_text` (a network)
+//! and none at all, where callers send embeddings. `tokens` cuts text for the first two; `cache` keeps
+//! what was embedded.
 
+mod cache;
+#[cfg(test)]
+mod household;
 mod network;
 #[cfg(feature = "onnx")]
 #[cfg(test)]
 pub(crate) mod onnx_bytes;
+mod onnx_text;
+mod static_table;
+#[cfg(test)]
+mod test_files;
+mod text;
+mod tokens;
 
+pub use cache::CacheCounts;
 pub use network::{Network, Tensor};
+pub use text::{MAX_DIMENSION, MAX_TEXT_BYTES, MAX_TEXTS, TextEncoder};

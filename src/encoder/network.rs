@@ -29,9 +29,30 @@ impl Network {
         self.0.inputs()
     }
 
+    /// The names of the arrays that go in, in the order of the file.
+    pub fn input_names(&self) -> Vec<String> {
+        self.0.input_names()
+    }
+
+    /// The names of the arrays that come out, in the order of the file.
+    pub fn output_names(&self) -> Vec<String> {
+        self.0.output_names()
+    }
+
+    /// The length that the file wants of the last dimension of an input, if it wants one.
+    pub fn fixed_length(&self, input: usize) -> Option<usize> {
+        self.0.fixed_length(input)
+    }
+
     /// The first output for `inputs`, in the order of the file.
     pub fn run(&self, inputs: Vec<Tensor>) -> Result<Tensor> {
         self.0.run(inputs)
+    }
+
+    /// The output number `output` for one row of whole numbers an input, each an array of 1 × its
+    /// length.
+    pub fn run_rows(&self, inputs: Vec<Vec<i32>>, output: usize) -> Result<Tensor> {
+        self.0.run_rows(inputs, output)
     }
 }
 
@@ -40,7 +61,7 @@ mod runtime {
     use std::path::Path;
     use std::sync::Arc;
 
-    use rten::{Model, RunOptions, ThreadPool, Value, ValueOrView};
+    use rten::{Dimension, Model, NodeId, RunOptions, ThreadPool, Value, ValueOrView};
     use rten_tensor::prelude::*;
 
     use super::Tensor;
@@ -69,29 +90,60 @@ mod runtime {
             self.model.input_ids().len()
         }
 
-        pub(super) fn run(&self, inputs: Vec<Tensor>) -> Result<Tensor> {
-            let ids = self.model.input_ids();
-            if inputs.len() != ids.len() {
-                return Err(Error::invalid(
-                    self.name.as_str(),
-                    format!("the network takes {} arrays, not {}", ids.len(), inputs.len()),
-                ));
+        pub(super) fn input_names(&self) -> Vec<String> {
+            self.names(self.model.input_ids())
+        }
+
+        pub(super) fn output_names(&self) -> Vec<String> {
+            self.names(self.model.output_ids())
+        }
+
+        fn names(&self, ids: &[NodeId]) -> Vec<String> {
+            let name = |id: &NodeId| self.model.node_info(*id)?.name().map(str::to_owned);
+            ids.iter().map(|id| name(id).unwrap_or_default()).collect()
+        }
+
+        pub(super) fn fixed_length(&self, input: usize) -> Option<usize> {
+            let id = self.model.input_ids().get(input)?;
+            match self.model.node_info(*id)?.shape()?.last()? {
+                Dimension::Fixed(length) => Some(*length),
+                Dimension::Symbolic(_) => None,
             }
-            let mut values: Vec<(_, ValueOrView<'_>)> = Vec::with_capacity(ids.len());
-            for (id, input) in ids.iter().zip(inputs) {
-                let Tensor { shape, values: numbers } = input;
+        }
+
+        pub(super) fn run(&self, inputs: Vec<Tensor>) -> Result<Tensor> {
+            let mut values = Vec::with_capacity(inputs.len());
+            for Tensor { shape, values: numbers } in inputs {
                 if shape.iter().product::<usize>() != numbers.len() {
                     let problem = format!("{} numbers are no array {shape:?}", numbers.len());
                     return Err(Error::Internal(problem));
                 }
-                let array = rten_tensor::Tensor::from_data(&shape, numbers);
-                values.push((*id, Value::from(array).into()));
+                values.push(Value::from(rten_tensor::Tensor::from_data(&shape, numbers)));
             }
-            let options = RunOptions::default().with_thread_pool(Some(self.threads.clone()));
+            self.answer(values, 0)
+        }
+
+        pub(super) fn run_rows(&self, inputs: Vec<Vec<i32>>, output: usize) -> Result<Tensor> {
+            let array = |row: Vec<i32>| rten_tensor::Tensor::from_data(&[1, row.len()], row);
+            self.answer(inputs.into_iter().map(|row| Value::from(array(row))).collect(), output)
+        }
+
+        fn answer(&self, inputs: Vec<Value>, output: usize) -> Result<Tensor> {
             let wrong = |e: String| Error::invalid(self.name.as_str(), e);
+            let ids = self.model.input_ids();
+            if inputs.len() != ids.len() {
+                let problem =
+                    format!("the network takes {} arrays, not {}", ids.len(), inputs.len());
+                return Err(wrong(problem));
+            }
+            let output = self.model.output_ids().get(output);
+            let output = *output.ok_or_else(|| wrong("has no such output".into()))?;
+            let inputs: Vec<(NodeId, ValueOrView<'_>)> =
+                ids.iter().zip(inputs).map(|(id, value)| (*id, value.into())).collect();
+            let options = RunOptions::default().with_thread_pool(Some(self.threads.clone()));
             let mut outputs = self
                 .model
-                .run(values, &self.model.output_ids()[..1], Some(options))
+                .run(inputs, &[output], Some(options))
                 .map_err(|e| wrong(e.to_string()))?;
             let output = outputs.pop().ok_or_else(|| wrong("gives nothing".into()))?;
             let array: rten_tensor::Tensor<f32> =
@@ -122,7 +174,23 @@ mod runtime {
             match *self {}
         }
 
+        pub(super) fn input_names(&self) -> Vec<String> {
+            match *self {}
+        }
+
+        pub(super) fn output_names(&self) -> Vec<String> {
+            match *self {}
+        }
+
+        pub(super) fn fixed_length(&self, _input: usize) -> Option<usize> {
+            match *self {}
+        }
+
         pub(super) fn run(&self, _inputs: Vec<Tensor>) -> Result<Tensor> {
+            match *self {}
+        }
+
+        pub(super) fn run_rows(&self, _inputs: Vec<Vec<i32>>, _output: usize) -> Result<Tensor> {
             match *self {}
         }
     }
