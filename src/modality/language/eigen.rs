@@ -32,7 +32,7 @@ pub(super) fn symmetric<const N: usize>(mut a: Square<N>) -> ([f64; N], Square<N
     (order.map(|i| a[i][i]), order.map(|i| vectors[i]))
 }
 
-/// Makes a[p][q] zero by a rotation of rows and columns p and q.
+/// Makes `a[p][q]` zero by a rotation of rows and columns p and q.
 fn rotate<const N: usize>(a: &mut Square<N>, vectors: &mut Square<N>, p: usize, q: usize) {
     if a[p][q] == 0.0 {
         return;
