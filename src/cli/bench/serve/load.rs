@@ -21,7 +21,7 @@ use crate::service::DEFAULT_MAP;
 
 /// The frames of a recording, in memory: a camera has no files to decode, and the cores are few.
 pub(super) fn load(data: &dyn Dataset, indices: &[usize]) -> Result<Arc<[Frame]>> {
-    indices.iter().map(|&index| data.load(index, false)).collect()
+    indices.iter().map(|&index| data.load(index, true)).collect()
 }
 
 /// Frames that are sent in a loop, at a camera's pace, until it is told to finish.
