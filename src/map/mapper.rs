@@ -329,6 +329,11 @@ impl Mapper {
         Ok(self.idle_steps < IDLE_STEPS)
     }
 
+    /// Vertices of colour.
+    pub fn color_rows(&self) -> u64 {
+        self.surface.color.as_ref().map_or(0, |color| color.band.rows() as u64)
+    }
+
     /// Counters and sizes.
     pub fn stats(&self) -> MapStats {
         MapStats {

@@ -148,7 +148,11 @@ pub(super) fn report(dataset: &str, mapper: &Mapper, tally: &Tally) -> Report {
         voxels_refused: stats.voxels_refused,
         surfels: stats.surfels,
         key_frames: stats.key_frames,
-        rows: config.modalities.iter().map(|m| (m.clone(), stats.rows)).collect(),
+        rows: config
+            .modalities
+            .iter()
+            .map(|m| (m.clone(), if m == "radiance" { mapper.color_rows() } else { stats.rows }))
+            .collect(),
         map_bytes: stats.map_bytes,
         peak_rss_bytes: telemetry::peak_resident_bytes(),
         gpu_peak_bytes: mapper.gpu_peak_bytes(),
