@@ -3,30 +3,10 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
 use orenx::numpy::{Archive, write_array};
 
-fn orenx(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_orenx")).args(arguments).output().unwrap()
-}
-
-fn done(arguments: &[&str]) -> String {
-    let output = orenx(arguments);
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {stderr}");
-    String::from_utf8(output.stdout).unwrap()
-}
-
-/// Checks the exit code and that stderr is one line with `part`.
-fn refused(arguments: &[&str], part: &str) {
-    let output = orenx(arguments);
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
-    let line = stderr.lines().next().unwrap_or_default();
-    assert!(line.contains(part), "{arguments:?}: '{part}' in {stderr}");
-    assert!(!stderr.contains("panicked"), "{arguments:?}: {stderr}");
-}
+use crate::support::command::{done, orenx, refused};
 
 /// A folder and the path of what is in it.
 struct Folder(tempfile::TempDir);

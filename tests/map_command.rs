@@ -1,20 +1,9 @@
 //! `orenx map` from outside: what it says to bad input, and with which code it ends.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Command;
 
-fn orenx(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_orenx")).args(arguments).output().unwrap()
-}
-
-/// Checks the exit code and that the first line on stderr has `part`.
-fn refused(arguments: &[&str], part: &str) {
-    let output = orenx(arguments);
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    let line = stderr.lines().next().unwrap_or_default();
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
-    assert!(line.contains(part), "{arguments:?}: {stderr}");
-}
+use crate::support::command::{orenx, refused};
 
 /// Two 8×6 frames of the 7-Scenes layout with one depth everywhere, mm.
 fn recording(folder: &Path, depth_mm: u16) {

@@ -2,33 +2,15 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
 use orenx::dataset::Dataset;
 use orenx::dataset::synthetic::Synthetic;
 use serde_json::Value;
 
+use crate::support::command::{done, refused};
+
 const ROOM: &str = "synthetic:room:frames=100,width=320";
 const WIDTH: u32 = 160;
-
-fn orenx(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_orenx")).args(arguments).output().unwrap()
-}
-
-fn done(arguments: &[&str]) -> String {
-    let output = orenx(arguments);
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {stderr}");
-    String::from_utf8(output.stdout).unwrap()
-}
-
-fn refused(arguments: &[&str], part: &str) {
-    let output = orenx(arguments);
-    let stderr = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {stderr}");
-    assert!(stderr.contains(part), "{arguments:?}: '{part}' in {stderr}");
-    assert!(!stderr.contains("panicked"), "{arguments:?}: {stderr}");
-}
 
 /// A folder with a map of the room and a truth folder of unseen views.
 struct Mapped(tempfile::TempDir);

@@ -10,7 +10,7 @@ use clap::{ArgGroup, Args};
 use rayon::ThreadPool;
 use tokio::runtime::Runtime;
 
-use self::viewpoints::{Orbit, Size, Viewpoint};
+use self::viewpoints::{Orbit, Viewpoint};
 use super::open::{is_url, open_view};
 use crate::client::Questioner;
 use crate::dataset::{cameras, pose};
@@ -21,6 +21,8 @@ use crate::map::{
 };
 use crate::service::{ImageKind, ImageQuestion};
 use crate::storage::write_file;
+
+pub use self::viewpoints::Size;
 
 /// Draw a map: color, depth, normals (PNG)
 #[derive(Debug, Args)]

@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use super::{Frame, MAX_SIDE};
 use crate::error::{Error, Fault, Result};
-use crate::geometry::{Intrinsics, MAX_COORDINATE_M};
+use crate::geometry::Intrinsics;
 
 /// A robot's or a sensor's name is at most this long, bytes.
 pub const MAX_NAME_BYTES: usize = 128;
@@ -22,7 +22,7 @@ impl Frame {
         check_camera(&self.intrinsics)?;
         self.check_depth()?;
         self.check_color()?;
-        self.check_pose()
+        self.world_from_camera.check_within_reach()
     }
 
     fn check_depth(&self) -> Result<()> {
@@ -76,18 +76,6 @@ impl Frame {
                     color.width,
                     color.height
                 ),
-            ));
-        }
-        Ok(())
-    }
-
-    fn check_pose(&self) -> Result<()> {
-        self.world_from_camera.check()?;
-        let translation = self.world_from_camera.translation;
-        if translation.abs().max_element() > MAX_COORDINATE_M {
-            return Err(Error::invalid(
-                "world_from_camera.translation",
-                format!("{translation} lies farther than {MAX_COORDINATE_M} m from the origin"),
             ));
         }
         Ok(())

@@ -3,6 +3,7 @@
 use glam::{DMat3, DMat4, DQuat, DVec3, Mat3, Vec3};
 use serde::{Deserialize, Serialize};
 
+use super::MAX_COORDINATE_M;
 use crate::error::{Error, Fault, Result};
 
 /// The largest entry of |RᵀR − I| that is taken for rounding and projected away. Real recordings
@@ -39,6 +40,21 @@ impl Pose {
                 Fault::PoseNotRigid,
                 "world_from_camera.rotation",
                 format!("quaternion length {length} must be 1 within {MAX_ROTATION_ERROR}"),
+            ));
+        }
+        Ok(())
+    }
+
+    /// [`Self::check`], and that it lies within [`MAX_COORDINATE_M`] of the origin.
+    pub fn check_within_reach(&self) -> Result<()> {
+        self.check()?;
+        if self.translation.abs().max_element() > MAX_COORDINATE_M {
+            return Err(Error::invalid(
+                "world_from_camera.translation",
+                format!(
+                    "{} lies farther than {MAX_COORDINATE_M} m from the origin",
+                    self.translation
+                ),
             ));
         }
         Ok(())

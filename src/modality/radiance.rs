@@ -8,7 +8,7 @@
 
 use glam::Vec3;
 
-use crate::octree::{BandPlace, BandScale, NO_VERTEX, Uppers};
+use crate::octree::{BandPlace, BandScale, NO_VERTEX, Uppers, sum_of_observed};
 
 /// Bound of a stored logit, so that it fits a [`Texel`].
 const LIMIT: f32 = 7.99;
@@ -62,17 +62,11 @@ pub fn color(source: &(impl TexelSource + ?Sized), block: u32, point: Vec3) -> O
     let scale = source.band();
     let place: BandPlace = scale.place(point);
     let rows = scale.vertices_around(&place, source.uppers(block));
-    let (mut sum, mut total) = (Vec3::ZERO, 0.0);
-    for (row, weight) in rows.into_iter().zip(place.weights()) {
-        if row == NO_VERTEX {
-            continue;
-        }
-        let texel = source.texel(row);
-        if texel.is_observed() {
-            sum += texel.logits() * weight;
-            total += weight;
-        }
-    }
+    let observed = rows.map(|row| {
+        let texel = (row != NO_VERTEX).then(|| source.texel(row));
+        texel.filter(|texel| texel.is_observed()).map(Texel::logits)
+    });
+    let (sum, total) = sum_of_observed(&observed, &place.weights());
     (total > 0.0).then(|| sigmoid(sum / total))
 }
 

@@ -126,6 +126,19 @@ impl BandPlace {
     }
 }
 
+/// Σ w v and Σ w over the vertices around a place that have a value.
+#[inline]
+pub fn sum_of_observed(values: &[Option<Vec3>; 8], weights: &[f32; 8]) -> (Vec3, f32) {
+    let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+    for (value, weight) in values.iter().zip(weights) {
+        if let Some(value) = value {
+            sum += *value * *weight;
+            total += weight;
+        }
+    }
+    (sum, total)
+}
+
 /// The blocks of a band. They are never renumbered or freed.
 #[derive(Debug)]
 pub struct Band {
@@ -136,7 +149,8 @@ pub struct Band {
     index: FxHashMap<u64, u32>,
     /// Blocks whose neighbours changed since [`Band::take_linked`], new ones too; may hold repeats.
     linked: Vec<u32>,
-    refused: u64,
+    /// Keys of blocks that found no room since [`Band::take_refused`]; may hold repeats.
+    refused: Vec<u64>,
 }
 
 impl Band {
@@ -152,7 +166,7 @@ impl Band {
             uppers: Vec::new(),
             index: FxHashMap::default(),
             linked: Vec::new(),
-            refused: 0,
+            refused: Vec::new(),
         }
     }
 
@@ -207,7 +221,7 @@ impl Band {
             return None;
         }
         if self.cells.len() >= self.max_blocks {
-            self.refused += 1;
+            self.refused.push(pack(cell));
             return None;
         }
         let block = self.cells.len() as u32;
@@ -243,9 +257,11 @@ impl Band {
         std::mem::take(&mut self.linked)
     }
 
-    /// Takes the count of blocks that found no room.
+    /// How many blocks found no room since the last call, each once.
     pub fn take_refused(&mut self) -> u64 {
-        std::mem::take(&mut self.refused)
+        self.refused.sort_unstable();
+        self.refused.dedup();
+        self.refused.drain(..).len() as u64
     }
 }
 
@@ -325,7 +341,7 @@ mod tests {
         band.surround(block, &place);
         assert_eq!(band.blocks(), 8);
         assert!(!scale.vertices_around(&place, band.uppers(block)).contains(&NO_VERTEX));
-        assert_eq!(band.insert([9, 9, 9]), None);
+        assert_eq!((band.insert([9, 9, 9]), band.insert([9, 9, 9])), (None, None));
         assert_eq!((band.take_refused(), band.insert(place.cell)), (1, Some(block)));
         let again = Band::with_cells(scale, band.cells()).expect("the same blocks");
         assert_eq!(again.uppers, band.uppers);

@@ -11,7 +11,7 @@ mod random_tree;
 mod topology;
 mod traverse;
 
-pub use band::{Band, BandPlace, BandScale, NO_BLOCK, NO_VERTEX, Uppers};
+pub use band::{Band, BandPlace, BandScale, NO_BLOCK, NO_VERTEX, Uppers, sum_of_observed};
 pub use key::{Cell, LIMIT, cell_of, pack};
 pub use lookup::{ChildLink, Found, Located, Lookup, NodeSource, Root, locate};
 pub use topology::{NO_NODE, NO_ROW, Topology, TopologyState};

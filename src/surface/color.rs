@@ -18,12 +18,13 @@ use glam::Vec3;
 
 use crate::config::MapConfig;
 use crate::frame::{ColorImage, Frame};
-use crate::octree::{Band, BandPlace, BandScale, NO_BLOCK, NO_VERTEX};
+use crate::octree::{Band, BandPlace, BandScale, NO_BLOCK, NO_VERTEX, sum_of_observed};
 
 pub use stored::ColorState;
 
 /// The weight of the past is bounded by this many pixels that hit a vertex: enough to average noise
-/// away (64 instead of 256 gave 0.1 dB less), and few enough for a changed surface to show within seconds.
+/// away (of an average, 64 instead of 256 gave 0.1 dB less), and few enough for a changed surface to
+/// show within seconds.
 const MAX_WEIGHT: f32 = 128.0;
 /// From this weight on a vertex is corrected instead of averaged, where corners of as much of the
 /// trilinear weight say what the map shows.
@@ -150,7 +151,7 @@ impl ColorField {
     fn take(&mut self, splat: &Splat) {
         let rows = self.band.scale.vertices_around(&splat.place, self.band.uppers(splat.block));
         let weights = splat.place.weights();
-        let (sum, total) = self.observed(&rows, &weights);
+        let (sum, total) = sum_of_observed(&self.observed(&rows), &weights);
         let correction = (total > SHOWN_SHARE).then(|| splat.color - sum / total);
         for (row, weight) in rows.into_iter().zip(weights).filter(|(row, _)| *row != NO_VERTEX) {
             let seen = &mut self.seen[row as usize];
@@ -162,17 +163,13 @@ impl ColorField {
         }
     }
 
-    /// The weighted sum of the colours of those vertices that frames saw, and their weight.
-    fn observed(&self, rows: &[u32; 8], weights: &[f32; 8]) -> (Vec3, f32) {
-        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
-        for (row, weight) in rows.iter().zip(weights) {
-            // Blocks that are new have no vertices yet.
-            if let Some(seen) = self.seen.get(*row as usize).filter(|seen| seen.weight > 0.0) {
-                sum += Vec3::from(seen.color) * *weight;
-                total += weight;
-            }
-        }
-        (sum, total)
+    /// The colours of those vertices that frames saw.
+    fn observed(&self, rows: &[u32; 8]) -> [Option<Vec3>; 8] {
+        rows.map(|row| {
+            // Vertices of blocks that are new, or not there, are beyond the end.
+            let seen = self.seen.get(row as usize).filter(|seen| seen.weight > 0.0);
+            seen.map(|seen| Vec3::from(seen.color))
+        })
     }
 
     /// Finds room for the pixels of a frame.
@@ -232,7 +229,7 @@ impl ColorField {
     /// The colour at a pixel's place, if frames saw nearly all of its vertices.
     fn shown(&self, splat: &Splat) -> Option<Vec3> {
         let rows = self.band.scale.vertices_around(&splat.place, self.band.uppers(splat.block));
-        let (sum, total) = self.observed(&rows, &splat.place.weights());
+        let (sum, total) = sum_of_observed(&self.observed(&rows), &splat.place.weights());
         (total > 0.99).then(|| sum / total)
     }
 }

@@ -10,6 +10,13 @@ use orenx::storage;
 
 use super::{integrate, lite};
 
+/// Trained on colours too.
+fn colored(mut config: MapConfig) -> MapConfig {
+    config.radiance.rays_per_step = 128;
+    config.radiance.sharpens = true;
+    config
+}
+
 /// `full` with fewer rays.
 fn full() -> MapConfig {
     let settings = MapSettings { profile: Profile::Full, steps: Some(2), ..MapSettings::default() };
@@ -34,7 +41,7 @@ fn difference(a: &[u8], b: &[u8]) -> Option<usize> {
 #[test]
 fn any_number_of_threads_gives_the_same_bytes() {
     let data = Synthetic::room(40).with_width(160);
-    for config in [MapConfig { rays_per_step: 256, ..lite(1) }, full()] {
+    for config in [MapConfig { rays_per_step: 256, ..colored(lite(1)) }, full()] {
         let run = |threads: usize| {
             let mut mapper = Mapper::with_threads(config.clone(), threads).unwrap();
             integrate(&mut mapper, &data, 0..6);
@@ -68,7 +75,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
 fn a_resumed_map_is_as_if_it_had_not_stopped() {
     let data = Synthetic::room(40).with_width(160);
     let folder = tempfile::tempdir().unwrap();
-    for (name, config) in [("lite", lite(1)), ("full", full())] {
+    for (name, config) in [("lite", lite(1)), ("colored", colored(lite(1))), ("full", full())] {
         let mut whole = Mapper::new(config.clone()).unwrap();
         let path = folder.path().join(name);
         let mut part = Mapper::new(config).unwrap();

@@ -2,6 +2,7 @@
 //! short and images small; every bound is about 1.5 times what was measured.
 
 mod bounds; // the root grows, the cost of a frame does not, memory has a limit
+mod colors; // what was seen of colours is said, and survives a file
 mod fields; // distance, sign, gradient and state against the truth
 mod fixed; // the same input gives the same file: threads, interruption
 mod gpu; // the GPU backend makes the map that the CPU backend makes
@@ -22,14 +23,14 @@ pub(crate) fn lite(steps: u32) -> MapConfig {
     MapConfig::from_settings(&settings).unwrap()
 }
 
-/// Takes frames of a sequence into a map.
+/// Takes frames of a sequence into a map, colours too.
 pub(crate) fn integrate(
     mapper: &mut Mapper,
     data: &Synthetic,
     frames: impl IntoIterator<Item = usize>,
 ) {
     for index in frames {
-        mapper.integrate(&data.load(index, false).unwrap()).unwrap();
+        mapper.integrate(&data.load(index, true).unwrap()).unwrap();
     }
 }
 

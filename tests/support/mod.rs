@@ -1,5 +1,7 @@
 //! Recorded data for the tests that want it.
 
+pub(crate) mod command;
+
 use std::ffi::OsString;
 use std::path::PathBuf;
 

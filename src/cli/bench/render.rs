@@ -1,7 +1,6 @@
 //! `orenx bench render`: images of a mapped room, how fast and how true.
 
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::Arc;
 
 use anyhow::Context;
@@ -14,12 +13,13 @@ use super::clock::{Clock, Elapsed};
 use super::figure::{Figure, Target, Unit, median};
 use super::printer::Printer;
 use super::recording::Recording;
+use crate::cli::render::Size;
 use crate::config::{MapSettings, Profile, name_of};
 use crate::dataset::synthetic::{self, Synthetic};
 use crate::dataset::{self, Dataset, Format};
 use crate::frame::{ColorImage, DepthImage};
 use crate::map::{
-    Camera, Channels, MAX_SIDE, MapView, RenderSettings, Renderer, Rendering, query_pool, render,
+    Camera, Channels, MapView, RenderSettings, Renderer, Rendering, query_pool, render,
 };
 
 /// Images of the synthetic room: time by tiles and by rays, error against the truth
@@ -68,25 +68,6 @@ const TIMED: [Channels; 2] = [
     Channels { color: true, depth: true, normal: false, opacity: false, unknown: false },
     Channels::ALL,
 ];
-
-/// Sides of an image, pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Size {
-    width: u32,
-    height: u32,
-}
-
-impl FromStr for Size {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let side = |text: &str| text.parse().ok().filter(|side| (1..=MAX_SIDE).contains(side));
-        let size = text.split_once('x').and_then(|(w, h)| Some((side(w)?, side(h)?)));
-        let (width, height) =
-            size.ok_or_else(|| format!("'{text}' is no WIDTHxHEIGHT of 1..={MAX_SIDE} pixels"))?;
-        Ok(Self { width, height })
-    }
-}
 
 /// A view of the room as it is.
 struct Truth {

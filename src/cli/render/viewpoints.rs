@@ -19,8 +19,8 @@ pub(super) struct Viewpoint {
 /// The size of an image, pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Size {
-    width: u32,
-    height: u32,
+    pub(in crate::cli) width: u32,
+    pub(in crate::cli) height: u32,
 }
 
 impl FromStr for Size {

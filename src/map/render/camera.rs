@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use glam::{Mat3, Vec3};
 
 use crate::error::{Error, Result};
-use crate::geometry::{Intrinsics, MAX_COORDINATE_M, Pose};
+use crate::geometry::{Intrinsics, Pose};
 
 /// The largest image side that is drawn, pixels.
 pub const MAX_SIDE: u32 = 4096;
@@ -26,14 +26,7 @@ impl Camera {
     /// Fails on a pose that is not finite, not rigid or out of the map's reach, and on intrinsics of
     /// no image that is drawn.
     pub fn check(&self) -> Result<()> {
-        self.world_from_camera.check()?;
-        let translation = self.world_from_camera.translation;
-        if translation.abs().max_element() > MAX_COORDINATE_M {
-            return Err(Error::invalid(
-                "world_from_camera.translation",
-                format!("{translation} lies farther than {MAX_COORDINATE_M} m from the origin"),
-            ));
-        }
+        self.world_from_camera.check_within_reach()?;
         let k = &self.intrinsics;
         for (field, side) in [("intrinsics.width", k.width), ("intrinsics.height", k.height)] {
             if !(1..=MAX_SIDE).contains(&side) {

@@ -19,7 +19,7 @@ use crate::backend::{ColorRows, RadianceParameters, StepParameters};
 use crate::modality::composite::{Shade, Share, backward, divide, mix};
 use crate::modality::losses::sign;
 use crate::modality::radiance::{logits, sigmoid};
-use crate::octree::{Lookup, NO_VERTEX, NodeSource};
+use crate::octree::{Lookup, NodeSource, sum_of_observed};
 use crate::surface::ColorField;
 use crate::train::{Batch, ColorRay, SampleKind};
 
@@ -284,23 +284,14 @@ impl Compare<'_> {
         let place = scale.place(ray.origin + ray.direction * t);
         let block = self.field.band.find(place.cell)?;
         let rows = scale.vertices_around(&place, self.field.band.uppers(block));
-        let mut shares = place.weights();
-        let mut slopes = place.slopes(ray.direction * (1.0 / scale.spacing_m()));
-        let (mut sum, mut total) = (Vec3::ZERO, 0.0);
-        let (mut sum_along, mut total_along) = (Vec3::ZERO, 0.0);
-        for k in 0..8 {
-            let row = rows[k] as usize;
-            let seen = if rows[k] == NO_VERTEX { None } else { self.field.seen().get(row) };
-            let Some(seen) = seen.filter(|seen| seen.weight > 0.0) else {
-                (shares[k], slopes[k]) = (0.0, 0.0);
-                continue;
-            };
-            let p = logits(Vec3::from(seen.color)) + Vec3::from(self.learned[row]);
-            sum += p * shares[k];
-            total += shares[k];
-            sum_along += p * slopes[k];
-            total_along += slopes[k];
-        }
+        let observed = rows.map(|row| {
+            let seen = self.field.seen().get(row as usize).filter(|seen| seen.weight > 0.0)?;
+            Some(logits(Vec3::from(seen.color)) + Vec3::from(self.learned[row as usize]))
+        });
+        let weights = place.weights();
+        let slopes = place.slopes(ray.direction * (1.0 / scale.spacing_m()));
+        let (sum, total) = sum_of_observed(&observed, &weights);
+        let (sum_along, total_along) = sum_of_observed(&observed, &slopes);
         if total <= 0.0 {
             return None;
         }
@@ -308,7 +299,8 @@ impl Compare<'_> {
         let along = (sum_along - p * total_along) / total;
         let color = sigmoid(p);
         let shade = Shade { color, along: along * color * (1.0 - color) };
-        Some((shade, Source { rows, shares: shares.map(|share| share / total) }))
+        let share = |k: usize| observed[k].map_or(0.0, |_| weights[k] / total);
+        Some((shade, Source { rows, shares: std::array::from_fn(share) }))
     }
 }
 
