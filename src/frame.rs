@@ -1,6 +1,8 @@
 //! A posed RGB-D frame and the checks it must pass before it can touch a map.
 
 mod check;
+mod contract;
+mod features;
 mod unit;
 
 use std::sync::Arc;
@@ -10,6 +12,11 @@ use glam::Vec3;
 use crate::geometry::{Intrinsics, Pose};
 
 pub use check::MAX_NAME_BYTES;
+pub use contract::{Contract, MAX_DIMENSION};
+pub use features::{
+    Class, FeatureImage, LabelImage, MAX_CLASS_BYTES, MAX_CLASSES, MAX_FEATURE_NUMBERS,
+    MAX_FEATURES, NO_FEATURE,
+};
 pub use unit::check_unit;
 
 /// The largest image side that is accepted, pixels.
@@ -97,6 +104,7 @@ pub struct Frame {
     pub intrinsics: Intrinsics,
     pub depth: DepthImage,
     pub color: Option<ColorImage>,
+    pub features: Option<FeatureImage>,
 }
 
 impl Frame {

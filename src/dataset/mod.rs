@@ -18,7 +18,7 @@ mod tum;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::frame::Frame;
+use crate::frame::{Frame, LabelImage};
 use crate::geometry::Intrinsics;
 
 pub use ahead::{Loaded, load_each};
@@ -58,6 +58,11 @@ pub trait Dataset: Send + Sync {
     /// Reads one frame; colour is decoded only when asked for, and absent where the recording has
     /// none.
     fn load(&self, index: usize, with_color: bool) -> Result<Frame>;
+
+    /// The classes that a frame shows, where the recording has them.
+    fn labels(&self, _index: usize) -> Result<Option<LabelImage>> {
+        Ok(None)
+    }
 }
 
 /// How a recording is laid out on disk.

@@ -122,6 +122,7 @@ impl Dataset for Replica {
             intrinsics: self.intrinsics,
             depth,
             color: color.transpose()?.flatten(),
+            features: None,
         })
     }
 }

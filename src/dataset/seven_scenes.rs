@@ -97,6 +97,7 @@ impl Dataset for SevenScenes {
             intrinsics: self.intrinsics,
             depth: decode::depth(&depth_path, UNITS_PER_METRE, size)?,
             color: color.transpose()?.flatten(),
+            features: None,
         })
     }
 }

@@ -107,6 +107,7 @@ impl Dataset for Tum {
             intrinsics: self.intrinsics,
             depth: decode::depth(&entry.depth, UNITS_PER_METRE, size)?,
             color: color.map_or(Ok(None), |path| decode::color(path, size))?,
+            features: None,
         })
     }
 }

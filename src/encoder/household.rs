@@ -125,7 +125,11 @@ fn hits(encoder: &TextEncoder) -> (usize, usize) {
         let best: Vec<&str> = ranked[..3].iter().map(|(_, name)| *name).collect();
         println!("{:>2}  {query}: {}", rank + 1, best.join(", "));
     }
-    println!("{}: first {first}, among three {third}, of {}", encoder.id(), QUERIES.len());
+    println!(
+        "{}: first {first}, among three {third}, of {}",
+        encoder.contract().encoder_id,
+        QUERIES.len()
+    );
     (first, third)
 }
 
@@ -134,7 +138,7 @@ fn the_static_encoder_knows_what_household_words_mean() {
     let test = "the_static_encoder_knows_what_household_words_mean";
     let Some(folder) = encoder_dir(test, "static") else { return };
     let encoder = TextEncoder::open_static(&folder).expect("an encoder");
-    assert_eq!(encoder.dimension(), 256);
+    assert_eq!(encoder.contract().dimension, 256);
     let texts = ["somewhere to sit", "chair", "refrigerator", "sofa"];
     let found = encoder.embed(&texts).expect("four");
     let scores = [1, 2, 3].map(|class| dot(&found[0], &found[class]));
@@ -153,7 +157,7 @@ fn a_sentence_transformer_knows_what_household_words_mean() {
     let test = "a_sentence_transformer_knows_what_household_words_mean";
     let Some(folder) = encoder_dir(test, "minilm") else { return };
     let encoder = TextEncoder::open_onnx(&folder).expect("an encoder");
-    assert_eq!(encoder.dimension(), 384);
+    assert_eq!(encoder.contract().dimension, 384);
     let (first, third) = hits(&encoder);
     assert!(first >= 20 && third >= 24, "first {first}, among three {third}");
 }

@@ -20,4 +20,4 @@ mod tokens;
 
 pub use cache::CacheCounts;
 pub use network::{Network, Tensor};
-pub use text::{MAX_DIMENSION, MAX_TEXT_BYTES, MAX_TEXTS, TextEncoder};
+pub use text::{MAX_TEXT_BYTES, MAX_TEXTS, TextEncoder};

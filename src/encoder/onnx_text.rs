@@ -6,9 +6,10 @@
 use std::path::Path;
 
 use super::network::{Network, Tensor};
-use super::text::{MAX_DIMENSION, Source};
+use super::text::Source;
 use super::tokens::{Encoded, Tokens, read_bounded};
 use crate::error::{Error, Result};
+use crate::frame::MAX_DIMENSION;
 
 /// The largest network file.
 const MAX_MODEL_BYTES: u64 = 1 << 30;

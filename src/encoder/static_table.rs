@@ -6,9 +6,10 @@ use std::path::Path;
 use half::f16;
 use safetensors::{Dtype, SafeTensors};
 
-use super::text::{MAX_DIMENSION, Source};
+use super::text::Source;
 use super::tokens::{Tokens, read_bounded};
 use crate::error::{Error, Result};
+use crate::frame::MAX_DIMENSION;
 
 /// The largest file: half a million tokens of 512 numbers in f32.
 const MAX_TABLE_BYTES: u64 = 1 << 30;

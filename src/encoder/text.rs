@@ -7,15 +7,12 @@ use super::cache::{Cache, CacheCounts};
 use super::onnx_text::OnnxText;
 use super::static_table::StaticTable;
 use crate::error::{Error, Result};
+use crate::frame::Contract;
 
 /// The longest text: a sentence, not a page.
 pub const MAX_TEXT_BYTES: usize = 512;
 /// How many texts are embedded at a time: the classes of a large vocabulary.
 pub const MAX_TEXTS: usize = 4096;
-/// The most numbers of an embedding.
-pub const MAX_DIMENSION: usize = 4096;
-/// The longest name of an encoder.
-const MAX_ID_BYTES: usize = 256;
 /// How many texts stay embedded: at most 16 MiB of 4096 numbers each.
 const CACHE_TEXTS: usize = 1024;
 
@@ -28,8 +25,7 @@ pub(super) trait Source: Send + Sync {
 /// An encoder and the contract that it stands for: embeddings may be compared if their encoders have
 /// the same id, and so the same dimension. All have length 1.
 pub struct TextEncoder {
-    id: String,
-    dimension: usize,
+    contract: Contract,
     /// None: callers embed.
     source: Option<Box<dyn Source>>,
     cache: Cache,
@@ -57,29 +53,18 @@ impl TextEncoder {
     /// An encoder that only callers have: they name it `id`, and send embeddings of `dimension`
     /// numbers instead of text.
     pub fn external(id: &str, dimension: usize) -> Result<Self> {
-        if !(1..=MAX_DIMENSION).contains(&dimension) {
-            let problem = format!("must be 1 to {MAX_DIMENSION}, not {dimension}");
-            return Err(Error::invalid("dimension", problem));
-        }
         Self::new(id.to_owned(), dimension, None)
     }
 
     fn new(id: String, dimension: usize, source: Option<Box<dyn Source>>) -> Result<Self> {
-        if id.trim().is_empty() || id.len() > MAX_ID_BYTES || id.contains(char::is_control) {
-            let problem = format!("must be 1 to {MAX_ID_BYTES} bytes of plain text");
-            return Err(Error::invalid("encoder id", problem));
-        }
-        Ok(Self { id, dimension, source, cache: Cache::new(CACHE_TEXTS) })
+        let contract = Contract { encoder_id: id.into(), dimension };
+        contract.check("encoder")?;
+        Ok(Self { contract, source, cache: Cache::new(CACHE_TEXTS) })
     }
 
-    /// Names the encoder and its content.
-    pub fn id(&self) -> &str {
-        &self.id
-    }
-
-    /// How many numbers an embedding has.
-    pub fn dimension(&self) -> usize {
-        self.dimension
+    /// Names the encoder and its content, and says how many numbers an embedding has.
+    pub fn contract(&self) -> &Contract {
+        &self.contract
     }
 
     /// How often a text was known already.
@@ -98,7 +83,7 @@ impl TextEncoder {
         let Some(source) = &self.source else {
             return Err(Error::FailedPrecondition(format!(
                 "{field}: the encoder '{}' embeds no text here; send embeddings of {} numbers",
-                self.id, self.dimension
+                self.contract.encoder_id, self.contract.dimension
             )));
         };
         if texts.len() > MAX_TEXTS {
@@ -129,9 +114,9 @@ impl TextEncoder {
             return Ok(known);
         }
         let raw = source.embed(text)?;
-        if raw.len() != self.dimension || !raw.iter().all(|value| value.is_finite()) {
-            let problem = format!("gave no {} finite numbers for a text", self.dimension);
-            return Err(Error::corrupt(self.id.as_str(), problem));
+        if raw.len() != self.contract.dimension || !raw.iter().all(|value| value.is_finite()) {
+            let problem = format!("gave no {} finite numbers for a text", self.contract.dimension);
+            return Err(Error::corrupt(&*self.contract.encoder_id, problem));
         }
         let nothing = || Error::invalid("text", "has no word that the encoder knows");
         let embedding: Arc<[f32]> = normalized(&raw).ok_or_else(nothing)?.into();
@@ -193,7 +178,7 @@ mod tests {
     fn embeddings_have_length_one_and_are_cached() {
         let folder = static_folder();
         let encoder = TextEncoder::open_static(folder.path()).expect("an encoder");
-        assert_eq!(encoder.dimension(), 2);
+        assert_eq!(encoder.contract().dimension, 2);
         let found = encoder.embed(&["red chair", "table", " red chair\n"]).expect("embeddings");
         let length = 53.0_f32.sqrt();
         assert!((found[0][0] - 7.0 / length).abs() < 1e-6, "{found:?}");
@@ -206,7 +191,10 @@ mod tests {
     #[test]
     fn the_id_names_the_model_and_changes_with_its_content() {
         let folder = static_folder();
-        let id = || TextEncoder::open_static(folder.path()).expect("an encoder").id().to_owned();
+        let id = || {
+            let encoder = TextEncoder::open_static(folder.path()).expect("an encoder");
+            encoder.contract().encoder_id.clone()
+        };
         let before = id();
         assert!(before.starts_with("static:tiny:") && before.len() == 20, "{before}");
         assert_eq!(id(), before);
@@ -247,7 +235,8 @@ mod tests {
     #[test]
     fn an_external_encoder_has_a_contract_and_no_text() {
         let encoder = TextEncoder::external("clip-vit-b16", 512).expect("a contract");
-        assert_eq!((encoder.id(), encoder.dimension()), ("clip-vit-b16", 512));
+        let clip = Contract { encoder_id: "clip-vit-b16".into(), dimension: 512 };
+        assert_eq!(encoder.contract(), &clip);
         let error = encoder.embed_field("prompts", &["chair"]).expect_err("no text").to_string();
         assert!(error.contains("'clip-vit-b16' embeds no text"), "{error}");
         assert!(error.contains("embeddings of 512 numbers"), "{error}");

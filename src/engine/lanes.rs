@@ -250,6 +250,7 @@ mod tests {
             intrinsics: Intrinsics { fx: 10.0, fy: 10.0, cx: 5.0, cy: 5.0, width, height },
             depth: DepthImage { width, height, metres: vec![1.0; 100] },
             color: None,
+            features: None,
         };
         let ticket = Ticket::new(Box::new(Recorder(seq, news.clone())));
         Job { frame, ticket, session: Session::default(), arrived: Instant::now() }

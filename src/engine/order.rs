@@ -78,6 +78,7 @@ mod tests {
             intrinsics: Intrinsics { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0, width: 1, height: 1 },
             depth: DepthImage { width: 1, height: 1, metres: vec![1.0] },
             color: None,
+            features: None,
         }
     }
 

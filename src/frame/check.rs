@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use super::{Frame, MAX_SIDE};
+use super::{FeatureImage, Frame, MAX_SIDE};
 use crate::error::{Error, Fault, Result};
 use crate::geometry::Intrinsics;
 
@@ -14,7 +14,7 @@ pub const MAX_NAME_BYTES: usize = 128;
 const FOCAL: RangeInclusive<f64> = 0.05..=20.0;
 
 impl Frame {
-    /// Checks names, sizes, intrinsics and pose. A frame without a single valid depth pixel passes:
+    /// Checks names, sizes, intrinsics, features and pose. A frame without a single valid depth pixel passes:
     /// it adds nothing and is counted by the mapper.
     pub fn check(&self) -> Result<()> {
         check_name("robot_id", &self.robot_id)?;
@@ -22,6 +22,7 @@ impl Frame {
         check_camera(&self.intrinsics)?;
         self.check_depth()?;
         self.check_color()?;
+        self.features.as_ref().map_or(Ok(()), FeatureImage::check)?;
         self.world_from_camera.check_within_reach()
     }
 
@@ -147,6 +148,7 @@ mod tests {
             intrinsics: Intrinsics { fx: 60.0, fy: 60.0, cx: 31.5, cy: 23.5, width, height },
             depth: DepthImage { width, height, metres: vec![1.0; 64 * 48] },
             color: None,
+            features: None,
         }
     }
 

@@ -20,5 +20,6 @@ pub(super) fn frame(focal: f64, depth: impl Fn(u32, u32) -> f32) -> Frame {
         intrinsics: Intrinsics { fx: focal, fy: focal, cx: 79.5, cy: 59.5, width, height },
         depth: DepthImage { width, height, metres: pixels.map(|(u, v)| depth(u, v)).collect() },
         color: None,
+        features: None,
     }
 }

@@ -49,6 +49,7 @@ impl TryFrom<v1::Frame> for IncomingFrame {
             intrinsics,
             depth,
             color,
+            features: None,
         };
         Ok(Self { map_id: message.map_id, policy, frame })
     }
@@ -205,6 +206,7 @@ mod tests {
                 intrinsics: intrinsics(width, height),
                 depth: DepthImage { width, height, metres },
                 color: rgb.map(|rgb| ColorImage { width, height, rgb }),
+                features: None,
             }
         }
     }
@@ -310,6 +312,7 @@ mod tests {
             intrinsics: intrinsics(8, 6),
             depth: DepthImage { width: 8, height: 6, metres: vec![1.0; 48] },
             color: None,
+            features: None,
         }
     }
 

@@ -103,6 +103,7 @@ fn around(scene: &Scene, index: usize, of: usize) -> Frame {
         intrinsics,
         depth,
         color: None,
+        features: None,
     }
 }
 

@@ -165,6 +165,7 @@ impl Dataset for Synthetic {
             intrinsics: k,
             depth,
             color,
+            features: None,
         })
     }
 }

@@ -1,9 +1,7 @@
 //! Features as the dictionary takes them: checked and of unit length.
 
 use crate::error::{Error, Result};
-
-/// Bound of a feature's dimension; a residual scatter of it takes 64 MiB.
-pub const MAX_DIMENSION: usize = 4096;
+use crate::frame::MAX_DIMENSION;
 
 /// Shorter than this, a feature has no direction.
 const MIN_NORM: f64 = 1e-12;

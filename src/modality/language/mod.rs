@@ -25,7 +25,7 @@ mod tests;
 
 pub use codes::Codes;
 pub use dictionary::{Dictionary, DictionarySettings, DictionaryState, MAX_CAPACITY};
-pub use features::{MAX_DIMENSION, UnitFeatures};
+pub use features::UnitFeatures;
 pub use half::F16;
 pub use query::{NEGATIVES, Query, TEMPERATURE, relevancy};
 pub use sparse::SparseCodes;
