@@ -5,6 +5,7 @@
 
 mod counters;
 mod image;
+mod language;
 mod maps;
 mod question;
 mod readers;
@@ -16,6 +17,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use crate::config::{MapConfig, ServerConfig};
+use crate::encoder::TextEncoder;
 use crate::engine::{
     Emptied, Engine, EngineSettings, FrameSink, Handle, Published, Queue, QueuePolicy, Reason,
     Session, Verdict, persist,
@@ -51,6 +53,7 @@ pub struct Service {
     studio: Studio,
     counters: Arc<Counters>,
     times: Times,
+    encoder: Option<Arc<TextEncoder>>,
     max_points: usize,
     max_pixels: usize,
 }
@@ -59,6 +62,7 @@ impl Service {
     /// Loads or creates the map and starts its thread and the readers. The caller keeps the
     /// [`Engine`]: it ends the thread and says whether the map was saved.
     pub fn start(config: &ServerConfig, map: MapConfig) -> Result<(Arc<Self>, Engine)> {
+        let encoder = TextEncoder::open(&config.encoder)?.map(Arc::new);
         let store = config.storage.as_deref().map(prepare_storage).transpose()?;
         let mut mapper = match &store {
             Some(path) => persist::load(path, map)?,
@@ -82,6 +86,7 @@ impl Service {
             studio: Studio::start(config.query_threads)?,
             counters: Arc::default(),
             times: Times::default(),
+            encoder,
             max_points: config.max_points,
             max_pixels: config.max_pixels,
         };
@@ -112,6 +117,7 @@ impl Service {
         let sink = Counted::receive(&self.counters, sink, arrived);
         let checked = self.map(map_id).and_then(|mapper| {
             frame.check()?;
+            self.check_contract(&frame)?;
             Ok(mapper)
         });
         match checked {
