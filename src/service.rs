@@ -10,11 +10,12 @@ mod maps;
 mod question;
 mod readers;
 mod studio;
+mod tasks;
 mod times;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use crate::config::{MapConfig, ServerConfig};
 use crate::encoder::TextEncoder;
@@ -38,6 +39,7 @@ pub use question::{
 };
 use readers::Readers;
 use studio::Studio;
+use tasks::PointsTask;
 use times::Times;
 pub use times::{Call, CallTimes};
 
@@ -143,11 +145,8 @@ impl Service {
         demand((question.min_epoch, question.max_age), (epoch, age))?;
         let fill = question.unknown.fill(view.config().max_distance_m);
         let PointsQuestion { points, fields, .. } = question;
-        let (answers, queued) = if points.len() <= readers::IN_PLACE {
-            (readers::evaluate(&view, &points, fields, fill)?, Duration::ZERO)
-        } else {
-            self.readers.query(view, points, fields, fill).await?
-        };
+        let task = PointsTask { view, points, fields, fill };
+        let (answers, queued) = self.readers.answer(task).await?;
         let spent = started.elapsed();
         self.times.observe(call, queued, spent);
         Ok(PointsReply { answers, epoch, newest_stamp_ns, spent })
