@@ -10,7 +10,7 @@ use super::dictionary::{Dictionary, DictionarySettings, DictionaryState};
 use super::features::UnitFeatures;
 use super::kept::KeptCodes;
 use crate::config::{DictionaryKind, LanguageConfig, MapConfig};
-use crate::error::{Error, Result};
+use crate::error::{Error, Fault, Result};
 use crate::frame::{Contract, FeatureImage, Frame, NO_FEATURE};
 use crate::numpy::ArrayReader;
 use crate::octree::{Band, BandScale, Cell, NO_BLOCK};
@@ -154,13 +154,13 @@ impl LanguageField {
         let contract = &features.contract;
         match (&self.learned, &self.given) {
             (Some(learned), _) => match learned.contract.mismatch(contract) {
-                Some(problem) => Err(Error::invalid("features.encoder_id", problem)),
+                Some(problem) => Err(Error::frame(Fault::Encoder, "features.encoder_id", problem)),
                 None => Ok(()),
             },
             (None, Some(given)) if given.dimension() != contract.dimension => {
                 let atoms = given.dimension();
                 let problem = format!("{} numbers, but atoms have {atoms}", contract.dimension);
-                Err(Error::invalid("features.dimension", problem))
+                Err(Error::frame(Fault::Encoder, "features.dimension", problem))
             }
             (None, Some(_)) => Ok(()),
             (None, None) => self.begin(contract.dimension).map(drop),
