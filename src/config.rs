@@ -3,6 +3,7 @@
 //! [`MapSettings`] is raw: what the file, the environment and the flags say. [`MapConfig`] is
 //! checked and complete: every profile default is filled in, and it travels inside a checkpoint.
 
+mod language;
 mod layers;
 mod server;
 mod stored;
@@ -11,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
+pub use language::{CodeForm, DictionaryKind, LanguageConfig, MAX_ATOMS};
 pub use server::{
     DEFAULT_FILE, GpuSettings, ServerConfig, ServerSettings, Settings, StorageSettings,
 };
@@ -84,6 +86,20 @@ pub struct MapSettings {
     pub color_rays: u32,
     /// Whether distances learn from these comparisons.
     pub color_sharpens: bool,
+    /// `online`, `full`, or the path of atoms in an `.npy` file.
+    pub dictionary: String,
+    /// Atoms of the dictionary at most.
+    pub dictionary_atoms: u32,
+    /// A direction with more than this share of all energy becomes an atom.
+    pub dictionary_threshold: f32,
+    /// What is left of a frame's say in what the next atoms are, after the next frame.
+    pub dictionary_decay: f32,
+    /// Distance between coded vertices, m; r0_m times the nearest of 1/8 to 8.
+    pub code_spacing_m: f32,
+    /// How published codes are kept.
+    pub codes: CodeForm,
+    /// Coefficients of a code under `top_k`.
+    pub code_terms: u32,
 }
 
 impl Default for MapSettings {
@@ -102,6 +118,13 @@ impl Default for MapSettings {
             color_spacing_m: 0.025,
             color_rays: 0,
             color_sharpens: true,
+            dictionary: "online".into(),
+            dictionary_atoms: 256,
+            dictionary_threshold: 0.002,
+            dictionary_decay: 0.9,
+            code_spacing_m: 0.1,
+            codes: CodeForm::F16,
+            code_terms: 16,
         }
     }
 }
@@ -151,6 +174,9 @@ pub struct MapConfig {
     /// Stored apart: maps from before there were colours have none.
     #[serde(skip)]
     pub radiance: RadianceConfig,
+    /// Stored apart, as that of radiance.
+    #[serde(skip)]
+    pub language: LanguageConfig,
 }
 
 /// Checked settings of radiance.
@@ -212,7 +238,7 @@ impl Default for RadianceConfig {
 }
 
 /// The modalities that exist, in column order.
-pub const MODALITIES: [&str; 3] = ["sdf", "occupancy", "radiance"];
+pub const MODALITIES: [&str; 4] = ["sdf", "occupancy", "radiance", "language"];
 
 impl MapConfig {
     /// Checks settings and fills in what the profile says.
@@ -260,6 +286,7 @@ impl MapConfig {
             key_frame_pixels: 16_384,
             key_frame_mib: (settings.memory_mib / 4).min(256),
             radiance: RadianceConfig::new(settings)?,
+            language: LanguageConfig::new(settings)?,
         })
     }
 
@@ -274,6 +301,7 @@ impl MapConfig {
         {
             return Err(Error::corrupt("settings", "of radiance lie outside of their limits"));
         }
+        self.language.check_stored()?;
         Ok(self)
     }
 

@@ -24,6 +24,9 @@ pub const MAX_SIDE: u32 = 8192;
 /// The farthest depth that is believed, m. Beyond it a pixel counts as without a return.
 pub const MAX_DEPTH_M: f32 = 10.0;
 
+/// The depth jumps where it differs from a neighbour's by more than this share.
+const EDGE_SHARE: f32 = 0.04;
+
 /// Depth along the optical axis (z-depth), metres, row-major; 0 means no return.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DepthImage {
@@ -60,6 +63,20 @@ impl DepthImage {
     #[inline]
     pub fn at(&self, u: u32, v: u32) -> f32 {
         self.metres[v as usize * self.width as usize + u as usize]
+    }
+
+    /// Whether a pixel with a return lies next to a jump of the depth: what is seen there mixes two
+    /// surfaces.
+    pub fn is_edge(&self, u: u32, v: u32) -> bool {
+        let z = self.at(u, v);
+        let jumps = |u: u32, v: u32| {
+            let other = self.at(u.min(self.width - 1), v.min(self.height - 1));
+            other > 0.0 && (other - z).abs() > EDGE_SHARE * z
+        };
+        jumps(u.saturating_sub(1), v)
+            || jumps(u + 1, v)
+            || jumps(u, v.saturating_sub(1))
+            || jumps(u, v + 1)
     }
 
     /// The number of pixels with a return.

@@ -124,7 +124,7 @@ impl MapArgs {
             r0_m: self.r0.unwrap_or(defaults.r0_m),
             steps: self.steps.or(defaults.steps),
             seed: self.seed.unwrap_or(defaults.seed),
-            ..*defaults
+            ..defaults.clone()
         }
     }
 

@@ -251,6 +251,7 @@ mod tests {
             occupancy: points.iter().map(|p| number(p, 0.25)).collect(),
             state: points.iter().map(|p| u8::from(known(p))).collect(),
             color: points.iter().map(|p| Vec3::new(number(p, 0.5), 0.0, 1.0)).collect(),
+            ..PointAnswers::default()
         })
     }
 

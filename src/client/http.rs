@@ -167,7 +167,7 @@ impl HttpClient {
 
 /// The query string of a question: what differs from the defaults.
 fn options(question: &PointsQuestion) -> String {
-    let Fields { distance, gradient, occupancy, state, color } = question.fields;
+    let Fields { distance, gradient, occupancy, state, color, .. } = question.fields;
     let named = [
         (distance, "distance"),
         (gradient, "gradient"),

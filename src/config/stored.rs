@@ -38,6 +38,13 @@ impl MapConfig {
             color_spacing_m: self.r0_m / (1u32 << self.radiance.log2_side) as f32,
             color_rays: self.radiance.rays_per_step,
             color_sharpens: self.radiance.sharpens,
+            dictionary: self.language.dictionary.name(),
+            dictionary_atoms: self.language.capacity,
+            dictionary_threshold: self.language.threshold,
+            dictionary_decay: self.language.decay,
+            code_spacing_m: self.language.spacing_m(self.r0_m),
+            codes: self.language.codes,
+            code_terms: self.language.terms,
         }
     }
 
@@ -61,12 +68,17 @@ impl MapConfig {
     /// What a stored map keeps in [`MapConfig::resumed`] although `current` says otherwise.
     pub fn kept(&self, current: &Self) -> Vec<Kept> {
         let spacing = |config: &Self| config.settings().color_spacing_m;
+        let code_spacing = |config: &Self| config.language.spacing_m(config.r0_m);
         [
             kept("profile", self.profile, current.profile),
             kept("prior", self.prior, current.prior),
             kept("modalities", self.modalities.join(","), current.modalities.join(",")),
             kept("r0_m", self.r0_m, current.r0_m),
             kept("color_spacing_m", spacing(self), spacing(current)),
+            kept("dictionary", self.language.dictionary.name(), current.language.dictionary.name()),
+            kept("dictionary_atoms", self.language.capacity, current.language.capacity),
+            kept("code_spacing_m", code_spacing(self), code_spacing(current)),
+            kept("codes", self.language.codes, current.language.codes),
             kept("seed", self.seed, current.seed),
         ]
         .into_iter()
@@ -125,7 +137,7 @@ mod tests {
         let expected = [
             "profile lite (not full)",
             "prior closed (not learned)",
-            "modalities sdf,occupancy,radiance (not sdf)",
+            "modalities sdf,occupancy,radiance,language (not sdf)",
             "r0_m 0.05 (not 0.1)",
             "seed 0 (not 3)",
         ];

@@ -3,7 +3,8 @@
 //! A map takes, in bytes,
 //!
 //! ```text
-//! rows · ROW + node slots · NODE + surfels · SURFEL + bricks · BRICK + blocks · BLOCK + key frames
+//! rows · ROW + node slots · NODE + surfels · SURFEL + bricks · BRICK + blocks of colour and of codes
+//! + key frames
 //! ```
 //!
 //! and stays below `memory_mib`. Every column counts: the host's, the backend's and the published
@@ -11,6 +12,7 @@
 
 use crate::backend::{self, ColorRows};
 use crate::config::MapConfig;
+use crate::modality::language::LanguageField;
 use crate::octree::{Explicit, Topology};
 use crate::surface::{ColorField, Evidence, PriorField, SurfelMap};
 
@@ -37,6 +39,12 @@ fn block(config: &MapConfig) -> usize {
         + Store::block_bytes(scale)
 }
 
+/// A block of codes, with as many atoms as there may be: averages, and the pages.
+fn code_block(config: &MapConfig) -> usize {
+    let (field, view) = LanguageField::block_bytes(config);
+    DOUBLING * field + view
+}
+
 /// How many there are, or how many more there may be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Sizes {
@@ -46,6 +54,7 @@ pub(super) struct Sizes {
     pub(super) bricks: usize,
     /// Of colour.
     pub(super) blocks: usize,
+    pub(super) code_blocks: usize,
 }
 
 impl Sizes {
@@ -56,6 +65,7 @@ impl Sizes {
             + self.surfels * SURFEL
             + self.bricks * BRICK
             + self.blocks * block(config)
+            + self.code_blocks * code_block(config)
     }
 
     /// How much one more frame may add to a map of this size. The shares of what is left sum to
@@ -67,8 +77,9 @@ impl Sizes {
             rows: left / 16 * 5 / ROW,
             nodes: left / 16 * 3 / NODE,
             surfels: left / 16 * 3 / SURFEL,
-            bricks: left / 16 * 2 / BRICK,
+            bricks: left / 16 / BRICK,
             blocks: left / 16 * 3 / block(config),
+            code_blocks: left / 16 / code_block(config),
         }
     }
 }
@@ -83,7 +94,8 @@ mod tests {
         let settings = MapSettings { memory_mib: 64, ..MapSettings::default() };
         let config = MapConfig::from_settings(&settings).expect("valid");
         assert_eq!(config.key_frame_mib, 16);
-        let mut held = Sizes { rows: 0, nodes: 0, surfels: 0, bricks: 0, blocks: 0 };
+        let mut held =
+            Sizes { rows: 0, nodes: 0, surfels: 0, bricks: 0, blocks: 0, code_blocks: 0 };
         for _ in 0..200 {
             let room = held.room(&config);
             held.rows += room.rows;
@@ -91,6 +103,7 @@ mod tests {
             held.surfels += room.surfels;
             held.bricks += room.bricks;
             held.blocks += room.blocks;
+            held.code_blocks += room.code_blocks;
             assert!(held.bytes(&config) <= 48 << 20);
         }
         assert!(held.bytes(&config) > 47 << 20, "the budget can be used: {}", held.bytes(&config));

@@ -11,6 +11,7 @@ use super::view::Store;
 use crate::backend::CpuBackend;
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
+use crate::modality::language::LanguageField;
 use crate::octree::Topology;
 use crate::surface::{Lattice, Surface};
 use crate::threads::Urgency;
@@ -24,6 +25,13 @@ impl Mapper {
 
     /// An empty map, trained on `threads` threads; 0 is one a core.
     pub fn with_threads(config: MapConfig, threads: usize) -> Result<Self> {
+        let mut mapper = Self::without_given(config, threads)?;
+        mapper.language = mapper.language.map(LanguageField::with_given).transpose()?;
+        Ok(mapper)
+    }
+
+    /// An empty map, without the atoms of a file that its settings may name.
+    pub(super) fn without_given(config: MapConfig, threads: usize) -> Result<Self> {
         let pool = |name: &'static str| {
             rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
@@ -42,6 +50,7 @@ impl Mapper {
         let mut empty =
             Self::with_pools(self.config.clone(), self.pool.clone(), self.trainers.clone())?;
         empty.train_on(self.trainer)?;
+        empty.language = empty.language.map(LanguageField::with_given).transpose()?;
         let epoch = self.stats.epoch;
         *self = empty;
         self.stats.epoch = epoch;
@@ -59,6 +68,8 @@ impl Mapper {
         Ok(Self {
             topology: Topology::new(lattice.unit_m, lattice.brick),
             surface: Surface::new(&config),
+            language: LanguageField::scale(&config)
+                .map(|scale| LanguageField::new(scale, &config.language)),
             robots: Robots::default(),
             store,
             key_frames: KeyFrames::new(&config),
@@ -79,6 +90,8 @@ impl Mapper {
             changed_bricks: Vec::new(),
             changed_nodes: Vec::new(),
             changed_colors: Vec::new(),
+            changed_codes: Vec::new(),
+            viewpoints: Arc::default(),
         })
     }
 }

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::budget::Sizes;
+use super::language::Viewpoint;
 use super::robots::Robots;
 use super::trainer::Trainer;
 use super::view::Store;
@@ -15,6 +16,7 @@ use crate::backend::{
 use crate::config::{MapConfig, Prior};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
+use crate::modality::language::LanguageField;
 use crate::modality::losses::{LossWeights, Stencil};
 use crate::octree::{Explicit, Topology};
 use crate::surface::Surface;
@@ -83,6 +85,8 @@ pub struct Mapper {
     pub(super) trainers: Arc<rayon::ThreadPool>,
     pub(super) topology: Topology,
     pub(super) surface: Surface,
+    /// Where the map has language.
+    pub(super) language: Option<LanguageField>,
     pub(super) robots: Robots,
     pub(super) key_frames: KeyFrames,
     pub(super) schedule: Schedule,
@@ -104,6 +108,10 @@ pub struct Mapper {
     pub(super) changed_nodes: Vec<u32>,
     /// Blocks of colour that changed since the last publication; may hold repeats.
     pub(super) changed_colors: Vec<u32>,
+    /// Blocks of codes that changed since the last publication; may hold repeats.
+    pub(super) changed_codes: Vec<u32>,
+    /// Where key frames were taken from, as published last.
+    pub(super) viewpoints: Arc<[Viewpoint]>,
     /// Idle steps since the last frame.
     pub(super) idle_steps: u32,
     /// Whether the map has changed since its newest epoch.
@@ -119,6 +127,9 @@ impl Mapper {
     /// Takes one checked frame into the map. On an error the map is as before.
     pub fn integrate(&mut self, frame: &Frame) -> Result<FrameOutcome> {
         frame.check()?;
+        if let (Some(language), Some(features)) = (&self.language, &frame.features) {
+            language.admit(features)?;
+        }
         let start = Instant::now();
         let valid_pixels = frame.depth.valid_pixels() as u32;
         self.stats.frames += 1;
@@ -150,6 +161,11 @@ impl Mapper {
         self.changed_rows.extend(change.prior.rows);
         self.changed_bricks.extend(change.changed_bricks);
         self.changed_colors.extend(change.colors);
+        if let Some(language) = &mut self.language {
+            language.integrate(frame, number)?;
+            self.changed_codes.extend(language.take_changed());
+            self.topology.refuse(language.band.take_refused());
+        }
         if self.config.prior == Prior::Learned {
             self.no_prior.resize(self.topology.rows(), [0.0; 4]);
         }
@@ -180,6 +196,7 @@ impl Mapper {
             surfels: self.surface.surfels.slots(),
             bricks: self.surface.evidence.bricks(),
             blocks: self.surface.color.as_ref().map_or(0, |color| color.band.blocks()),
+            code_blocks: self.language.as_ref().map_or(0, |language| language.band.blocks()),
         };
         let room = sizes.room(&self.config);
         let rows = (sizes.rows + room.rows).min(self.backend.reserve(sizes.rows)?);
@@ -188,6 +205,9 @@ impl Mapper {
         self.surface.evidence.limit(sizes.bricks + room.bricks);
         if let Some(color) = &mut self.surface.color {
             color.band.limit(sizes.blocks + room.blocks);
+        }
+        if let Some(language) = &mut self.language {
+            language.band.limit(sizes.code_blocks + room.code_blocks);
         }
         Ok(())
     }
@@ -344,6 +364,7 @@ impl Mapper {
             key_frames: self.key_frames.len() as u64,
             map_bytes: self.topology.bytes()
                 + self.surface.bytes()
+                + self.language.as_ref().map_or(0, LanguageField::bytes)
                 + self.key_frames.bytes()
                 + self.backend.memory_bytes()
                 + self.store.bytes()

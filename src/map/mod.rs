@@ -1,7 +1,9 @@
 //! The map: [`Mapper`] takes frames and publishes [`MapView`]s; a view answers questions.
 
 mod budget;
+mod codes;
 mod empty;
+mod language;
 mod mapper;
 mod mesh;
 mod pages;
@@ -16,6 +18,8 @@ mod state;
 mod trainer;
 mod view;
 
+pub use codes::ViewCodesState;
+pub use language::{FindSettings, LanguageCounts, Match, OrientedBox, Scorer, Viewpoint};
 pub use mapper::{FrameOutcome, MapStats, Mapper};
 pub use mesh::{TriangleMesh, default_resolution_m, extract_mesh};
 pub use parallel::{CHUNK_POINTS, PointQuery, query_parallel, query_pool};
@@ -23,6 +27,7 @@ pub use picture::{Encoding, Output};
 pub use query::{Fields, PointAnswers, State};
 pub use render::{
     Camera, Channels, MAX_SIDE, RenderSettings, Renderer, Rendering, SamplePosition, render,
+    render_with,
 };
 pub use robots::Robots;
 pub use slice::{Plane, Slice, draw_slice, slice};

@@ -214,6 +214,7 @@ mod tests {
             normal: vec![-Vec3::Z, Vec3::ZERO],
             opacity: vec![1.0, 0.2],
             unknown: vec![0, 1],
+            ..Rendering::default()
         }
     }
 

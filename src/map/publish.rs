@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use glam::Vec3;
 
+use super::language::Viewpoint;
 use super::mapper::Mapper;
 use super::view::{BRICKS, MapView, NODES, Node, ROWS};
 use crate::config::Prior;
@@ -20,6 +21,7 @@ impl Mapper {
         let start = Instant::now();
         self.stats.epoch += u64::from(std::mem::take(&mut self.changed));
         self.find_painted();
+        self.find_coded();
         self.write_nodes();
         self.write_rows();
         self.store.bricks.grow(self.surface.evidence.bricks().div_ceil(BRICKS));
@@ -28,6 +30,7 @@ impl Mapper {
             page.known[brick as usize % BRICKS] = *self.surface.evidence.known(brick);
         }
         self.write_colors();
+        self.write_codes();
         self.stage("publish", start);
         self.schedule.learn_publish(start.elapsed());
         Arc::new(MapView {
@@ -36,7 +39,16 @@ impl Mapper {
             config: self.config.clone(),
             decoders: self.backend.decoders(),
             store: self.store.clone(),
+            viewpoints: self.viewpoints(),
         })
+    }
+
+    /// Where key frames were taken from.
+    fn viewpoints(&mut self) -> Arc<[Viewpoint]> {
+        if self.key_frames.take_changed() {
+            self.viewpoints = self.key_frames.iter().map(Viewpoint::new).collect();
+        }
+        self.viewpoints.clone()
     }
 
     /// Brings the view's rows up to date: prior plus what the backend learned.
@@ -73,6 +85,25 @@ impl Mapper {
         }
     }
 
+    /// Adds the nodes of blocks of codes that are new to the changed ones.
+    fn find_coded(&mut self) {
+        let Some(language) = &self.language else { return };
+        let size = Lattice::new(&self.config).code_cell(&self.config);
+        for cell in &language.band.cells()[self.store.codes.blocks()..] {
+            let nodes = &mut self.changed_nodes;
+            self.topology.visit_nodes(cell.map(|c| c << size), size, &mut |node| nodes.push(node));
+        }
+    }
+
+    fn write_codes(&mut self) {
+        let Some(language) = &self.language else { return };
+        let mut changed = std::mem::take(&mut self.changed_codes);
+        changed.sort_unstable();
+        changed.dedup();
+        let learned = language.contract().cloned().zip(language.dictionary());
+        self.store.codes.write(&language.band, learned, changed, |row| language.code(row));
+    }
+
     fn write_colors(&mut self) {
         let Some(color) = &self.surface.color else { return };
         let mut changed = std::mem::take(&mut self.changed_colors);
@@ -106,7 +137,8 @@ impl Mapper {
         self.store.root = self.topology.root();
         self.store.node_slots = self.topology.node_slots();
         self.store.nodes.grow(self.topology.node_slots().div_ceil(NODES));
-        let r0 = Lattice::new(&self.config).r0;
+        let lattice = Lattice::new(&self.config);
+        let (r0, code_cell) = (lattice.r0, lattice.code_cell(&self.config));
         let mut bounds = self.store.bounds.unwrap_or(Aabb::EMPTY);
         for node in nodes {
             let page = self.store.nodes.write(node as usize / NODES);
@@ -119,10 +151,14 @@ impl Mapper {
             let (cell, log2_size) = (self.topology.low_corner(node), self.topology.log2_size(node));
             let color = self.surface.color.as_ref().filter(|_| carries && log2_size <= r0);
             let block = color.and_then(|color| color.band.find(cell.map(|c| c >> r0)));
+            let language = self.language.as_ref().filter(|_| carries && log2_size <= r0);
+            let code_block =
+                language.and_then(|language| language.band.find(cell.map(|c| c >> code_cell)));
             page.nodes[i] = Node {
                 corners,
                 brick: brick.filter(|_| carries).map_or(NO_NODE, |b| b.brick),
                 block: block.unwrap_or(NO_BLOCK),
+                code_block: code_block.unwrap_or(NO_BLOCK),
                 low: cell,
                 log2_size,
             };

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::language::Scorer;
 use super::view::MapView;
 use crate::config::Prior;
 use crate::geometry::simd::prefetch;
@@ -20,13 +21,23 @@ pub struct Fields {
     pub occupancy: bool,
     pub state: bool,
     pub color: bool,
+    /// Where a question comes with a text.
+    pub text_score: bool,
 }
 
 impl Fields {
+    /// Every field of the map itself: all but the score of a text.
     pub const ALL: Self =
-        Self { distance: true, gradient: true, occupancy: true, state: true, color: true };
-    pub const NONE: Self =
-        Self { distance: false, gradient: false, occupancy: false, state: false, color: false };
+        Self { distance: true, gradient: true, occupancy: true, state: true, ..Self::COLOR };
+    const COLOR: Self = Self { color: true, ..Self::NONE };
+    pub const NONE: Self = Self {
+        distance: false,
+        gradient: false,
+        occupancy: false,
+        state: false,
+        color: false,
+        text_score: false,
+    };
     pub const DISTANCE: Self = Self { distance: true, ..Self::NONE };
 }
 
@@ -56,6 +67,8 @@ pub struct PointAnswers {
     pub state: Vec<u8>,
     /// sRGB within 0..1.
     pub color: Vec<Vec3>,
+    /// How well the text fits; NaN away from surfaces that were seen with features.
+    pub text_score: Vec<f32>,
 }
 
 impl PointAnswers {
@@ -70,6 +83,7 @@ impl PointAnswers {
             occupancy: column(&parts, |p| &p.occupancy),
             state: column(&parts, |p| &p.state),
             color: column(&parts, |p| &p.color),
+            text_score: column(&parts, |p| &p.text_score),
         }
     }
 }
@@ -78,10 +92,21 @@ impl MapView {
     /// Answers `points` (world metres) on the calling thread. Points outside, unobserved or not
     /// finite are unknown.
     pub fn query(&self, points: &[Vec3], fields: Fields) -> PointAnswers {
+        self.query_with(points, fields, None)
+    }
+
+    /// [`MapView::query`] with a text, made by [`MapView::scorer`] of this view.
+    pub fn query_with(
+        &self,
+        points: &[Vec3],
+        fields: Fields,
+        text: Option<&Scorer>,
+    ) -> PointAnswers {
         let n = points.len();
         let fields = Fields {
             occupancy: fields.occupancy && self.config.has("occupancy"),
             color: fields.color && self.config.has("radiance"),
+            text_score: fields.text_score && text.is_some(),
             ..fields
         };
         let wanted = |on: bool| if on { n } else { 0 };
@@ -92,6 +117,10 @@ impl MapView {
         let mut occupancy = vec![f32::NAN; wanted(fields.occupancy)];
         let mut state = vec![State::Unknown as u8; wanted(fields.state)];
         let mut color = vec![Vec3::NAN; wanted(fields.color)];
+        let mut text_score = vec![f32::NAN; wanted(fields.text_score)];
+        let text = text.filter(|_| fields.text_score);
+        let mut code = vec![0.0; if text.is_some() { self.atoms() } else { 0 }];
+        let reach = self.code_reach_m();
         let answers = Answers {
             distance: &mut distance,
             gradient: &mut gradient,
@@ -118,6 +147,12 @@ impl MapView {
                 if fields.color {
                     color[i] = self.store.color(voxel.node, points[i]).unwrap_or(Vec3::NAN);
                 }
+                if let Some(text) = text
+                    && d.abs() <= reach
+                    && self.store.code(voxel.node, points[i], &mut code)
+                {
+                    text_score[i] = text.score(&code, code.iter().map(|x| x * x).sum());
+                }
                 continue;
             }
             distance[i] = f32::NAN;
@@ -129,7 +164,7 @@ impl MapView {
             }
         }
         distance.truncate(wanted(fields.distance));
-        PointAnswers { distance, gradient, occupancy, state, color }
+        PointAnswers { distance, gradient, occupancy, state, color, text_score }
     }
 
     /// log2 of the largest voxels whose small distances count as known: those that surfaces ask

@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::codes::ViewCodesState;
+use super::language::Viewpoint;
 use super::mapper::{MapStats, Mapper};
 use super::robots::Robots;
 use super::view::{BRICKS, MapView, NODES, Node, ROWS, Store};
@@ -11,6 +13,7 @@ use crate::backend::{Backend, BackendState, CpuBackend};
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
+use crate::modality::language::{LanguageField, LanguageState};
 use crate::modality::radiance::Texel;
 use crate::modality::{Decoders, Row, occupancy, sdf};
 use crate::octree::{Band, Cell, ChildLink, NO_BLOCK, NO_NODE, NO_ROW, Root, TopologyState};
@@ -36,6 +39,8 @@ pub struct MapperState<'a> {
     pub robots: Robots,
     pub key_frames: KeyFramesState,
     pub backend: BackendState,
+    /// Where the map has language.
+    pub language: Option<LanguageState<'a>>,
 }
 
 impl Mapper {
@@ -53,13 +58,14 @@ impl Mapper {
             robots: self.robots.clone(),
             key_frames: self.key_frames.state(),
             backend: self.backend.export()?,
+            language: self.language.as_ref().map(LanguageField::state),
         })
     }
 
     /// A mapper with the state of another. The settings are that one's too, except for those that
     /// [`MapConfig::resumed`] takes from the machine.
     pub fn from_state(config: MapConfig, state: MapperState<'_>) -> Result<Self> {
-        let mut mapper = Self::new(config)?;
+        let mut mapper = Self::without_given(config, 0)?;
         mapper.stats = state.progress.stats;
         mapper.newest_stamp_ns = state.progress.newest_stamp_ns;
         mapper.idle_steps = state.progress.idle_steps;
@@ -67,6 +73,11 @@ impl Mapper {
         mapper.topology = mapper.topology.with_state(state.topology)?;
         let rows = mapper.topology.rows();
         mapper.surface = mapper.surface.with_state(state.surface, rows)?;
+        mapper.language = match (mapper.language, state.language) {
+            (Some(language), Some(state)) => Some(language.with_state(state)?.with_given()?),
+            (None, None) => None,
+            _ => return Err(Error::corrupt("language", "does not fit the settings")),
+        };
         mapper.robots = state.robots.checked()?;
         mapper.key_frames = mapper.key_frames.with_state(state.key_frames)?;
         if state.backend.learned.len() != rows {
@@ -81,6 +92,8 @@ impl Mapper {
         mapper.backend = Box::new(backend);
         let blocks = mapper.surface.color.as_ref().map_or(0, |color| color.band.blocks());
         mapper.changed_colors = (0..blocks as u32).collect();
+        let blocks = mapper.language.as_ref().map_or(0, |language| language.band.blocks());
+        mapper.changed_codes = (0..blocks as u32).collect();
         mapper.changed_bricks = (0..mapper.surface.evidence.bricks() as u32).collect();
         Ok(mapper)
     }
@@ -111,6 +124,9 @@ pub struct ViewState {
     /// The cells of the blocks of colour, which say which nodes they belong to.
     pub color_cells: Vec<Cell>,
     pub texels: Vec<Texel>,
+    pub codes: ViewCodesState,
+    /// Where the map was seen from.
+    pub viewpoints: Vec<Viewpoint>,
 }
 
 impl MapView {
@@ -135,6 +151,8 @@ impl MapView {
             known: Vec::new(),
             color_cells: Vec::new(),
             texels: Vec::new(),
+            codes: store.codes.state(),
+            viewpoints: self.viewpoints.to_vec(),
         };
         for page in store.nodes.pages() {
             state.children.extend(page.children);
@@ -174,6 +192,11 @@ impl MapView {
             let rows = block as usize * texels.len();
             texels.copy_from_slice(&state.texels[rows..rows + texels.len()]);
         });
+        let coded = store
+            .codes
+            .with_state(state.codes)
+            .ok_or_else(|| Error::corrupt("view", "blocks of codes do not fit together"))?;
+        let code_cell = lattice.code_cell(&config);
         store.nodes.grow(state.children.len().div_ceil(NODES));
         for node in 0..state.children.len() {
             let (page, i) = (store.nodes.write(node / NODES), node % NODES);
@@ -181,10 +204,12 @@ impl MapView {
             let (cell, log2_size) = (state.low_corners[node], state.log2_sizes[node]);
             let painted = log2_size <= lattice.r0 && state.corners[node][0] != NO_ROW;
             let block = painted.then(|| band.find(cell.map(|c| c >> lattice.r0))).flatten();
+            let code_block = painted.then(|| coded.find(cell.map(|c| c >> code_cell))).flatten();
             page.nodes[i] = Node {
                 corners: state.corners[node],
                 brick: state.node_bricks[node],
                 block: block.unwrap_or(NO_BLOCK),
+                code_block: code_block.unwrap_or(NO_BLOCK),
                 low: cell,
                 log2_size,
             };
@@ -216,6 +241,7 @@ impl MapView {
             config: Arc::new(config),
             decoders: Arc::new(decoders),
             store,
+            viewpoints: state.viewpoints.into(),
         })
     }
 }
@@ -236,6 +262,7 @@ fn check(state: &ViewState) -> Result<()> {
         && state.corners.iter().flatten().all(row_exists)
         && state.children.iter().all(child_exists)
         && state.node_bricks.iter().all(brick_exists)
+        && state.viewpoints.iter().all(Viewpoint::is_finite)
         && state.log2_sizes.iter().all(|&s| s == u8::MAX || s <= 30)
         && state.record.root.is_none_or(|r| (r.node as usize) < slots && r.log2_size <= 30);
     if fits { Ok(()) } else { Err(Error::corrupt("view", "columns do not fit together")) }

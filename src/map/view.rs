@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
+use super::codes::ViewCodes;
+use super::language::Viewpoint;
 use super::pages::PageTable;
 use crate::config::MapConfig;
 use crate::geometry::{Aabb, floor};
@@ -38,6 +40,8 @@ pub(super) struct Node {
     /// The block of colour of the level-0 voxel that the node is or lies in; [`NO_BLOCK`] where no
     /// surface was seen.
     pub block: u32,
+    /// The block of codes around; [`NO_BLOCK`] where no features were seen.
+    pub code_block: u32,
     /// Low corner, lattice units.
     pub low: [i32; 3],
     /// `u8::MAX` for a hole.
@@ -50,6 +54,7 @@ impl Default for NodePage {
             corners: [NO_ROW; 8],
             brick: NO_NODE,
             block: NO_BLOCK,
+            code_block: NO_BLOCK,
             low: [0; 3],
             log2_size: u8::MAX,
         };
@@ -111,6 +116,7 @@ pub(super) struct Store {
     pub band: BandScale,
     pub color_blocks: usize,
     pub colors: PageTable<ColorPage>,
+    pub codes: ViewCodes,
 }
 
 impl NodeSource for Store {
@@ -174,6 +180,7 @@ impl Store {
                 .unwrap_or(BandScale { cell_m: config.r0_m, log2_side: 0 }),
             color_blocks: 0,
             colors: PageTable::default(),
+            codes: ViewCodes::new(config),
         }
     }
 
@@ -209,6 +216,13 @@ impl Store {
         if block == NO_BLOCK { None } else { radiance::color(self, block, point) }
     }
 
+    /// Writes the code at a point of a node to `out`; false where no features were seen.
+    #[inline]
+    pub(super) fn code(&self, node: u32, point: Vec3, out: &mut [f32]) -> bool {
+        let block = self.node(node).code_block;
+        block != NO_BLOCK && self.codes.code_at(block, point, out)
+    }
+
     /// What a row, a node slot and a brick take in pages, bytes.
     pub(super) const ROW_BYTES: usize = size_of::<RowPage>() / ROWS;
     pub(super) const NODE_BYTES: usize = size_of::<NodePage>() / NODES;
@@ -220,6 +234,7 @@ impl Store {
             + self.nodes.len() * size_of::<NodePage>()
             + self.bricks.len() * size_of::<BrickPage>()
             + self.color_blocks * Self::block_bytes(self.band)) as u64
+            + self.codes.bytes()
     }
 
     #[inline]
@@ -250,6 +265,8 @@ pub struct MapView {
     pub(super) config: Arc<MapConfig>,
     pub(super) decoders: Arc<Decoders>,
     pub(super) store: Store,
+    /// Where the map was seen from.
+    pub(super) viewpoints: Arc<[Viewpoint]>,
 }
 
 impl MapView {

@@ -151,6 +151,8 @@ pub struct Band {
     linked: Vec<u32>,
     /// Keys of blocks that found no room since [`Band::take_refused`]; may hold repeats.
     refused: Vec<u64>,
+    /// What [`Band::hold`] answered last: the next place is mostly in the same cell.
+    last: Option<(Cell, u32)>,
 }
 
 impl Band {
@@ -167,6 +169,7 @@ impl Band {
             index: FxHashMap::default(),
             linked: Vec::new(),
             refused: Vec::new(),
+            last: None,
         }
     }
 
@@ -243,8 +246,20 @@ impl Band {
         Some(block)
     }
 
+    /// The block of a place, with the blocks of all vertices around it, made where they are missing;
+    /// `None` if there is no room.
+    pub fn hold(&mut self, place: &BandPlace) -> Option<u32> {
+        let block = match self.last {
+            Some((cell, block)) if cell == place.cell => block,
+            _ => self.insert(place.cell)?,
+        };
+        self.last = Some((place.cell, block));
+        self.surround(block, place);
+        Some(block)
+    }
+
     /// Creates the blocks of all vertices around a place in `block`.
-    pub fn surround(&mut self, block: u32, place: &BandPlace) {
+    fn surround(&mut self, block: u32, place: &BandPlace) {
         for (upper, _) in self.scale.around(place) {
             if self.uppers[block as usize][upper] == NO_BLOCK {
                 self.insert(moved(place.cell, upper, 1));
@@ -338,7 +353,7 @@ mod tests {
         let place = scale.place(Vec3::splat(0.09));
         let block = band.insert(place.cell).expect("room");
         assert!(scale.vertices_around(&place, band.uppers(block))[1..].contains(&NO_VERTEX));
-        band.surround(block, &place);
+        assert_eq!(band.hold(&place), Some(block));
         assert_eq!(band.blocks(), 8);
         assert!(!scale.vertices_around(&place, band.uppers(block)).contains(&NO_VERTEX));
         assert_eq!((band.insert([9, 9, 9]), band.insert([9, 9, 9])), (None, None));

@@ -2,6 +2,7 @@
 //! only answers.
 
 mod geometry;
+mod language;
 mod learned;
 mod tags;
 
@@ -11,6 +12,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use self::geometry::{put_surface, put_topology, take_surface, take_topology};
+use self::language::{put_language, put_view_codes, take_language, take_view_codes};
 use self::learned::{COLUMNS, columns, take_backend, take_colors};
 use self::tags::*;
 use super::sections::Sections;
@@ -120,14 +122,21 @@ fn save_checkpoint(mapper: &Mapper, path: &Path) -> Result<()> {
         out.put_array(KEY_COLORS, &keys.colors)?;
         out.put_array(KEY_GAINS, &keys.gains)?;
     }
+    if let Some(language) = &state.language {
+        put_language(&mut out, language)?;
+    }
     out.write(path)
 }
 
-/// Radiance has a record of its own, which maps from before there were colours do not have.
+/// Radiance and language have records of their own, which maps from before there were any do not
+/// have.
 fn put_config(out: &mut Sections<'_>, config: &MapConfig) -> Result<()> {
     out.put_record(CONFIG, config)?;
     if config.has("radiance") {
         out.put_record(RADIANCE, &config.radiance)?;
+    }
+    if config.has("language") {
+        out.put_record(LANGUAGE, &config.language)?;
     }
     Ok(())
 }
@@ -136,6 +145,9 @@ fn take_config(from: &mut Sections<'_>) -> Result<MapConfig> {
     let mut config: MapConfig = from.take_record(CONFIG)?;
     if config.has("radiance") {
         config.radiance = from.take_record(RADIANCE)?;
+    }
+    if config.has("language") {
+        config.language = from.take_record(LANGUAGE)?;
     }
     config.checked()
 }
@@ -166,7 +178,8 @@ fn take_mapper(config: MapConfig, from: &mut Sections<'_>) -> Result<Mapper> {
     if has_color {
         backend.colors = take_colors(from)?;
     }
-    let state = MapperState { progress, topology, surface, robots, key_frames, backend };
+    let language = config.has("language").then(|| take_language(from)).transpose()?;
+    let state = MapperState { progress, topology, surface, robots, key_frames, backend, language };
     Mapper::from_state(config, state)
 }
 
@@ -187,12 +200,17 @@ fn save_compact(view: &MapView, path: &Path) -> Result<()> {
         out.put_array(COLOR_CELLS, &state.color_cells)?;
         out.put_array(VIEW_TEXELS, &state.texels)?;
     }
+    if view.config().has("language") {
+        put_view_codes(&mut out, &state.codes)?;
+    }
+    out.put_array(VIEWPOINTS, &state.viewpoints)?;
     out.write(path)
 }
 
 fn take_view(from: &mut Sections<'_>) -> Result<MapView> {
     let config = take_config(from)?;
     let has_color = config.has("radiance");
+    let has_viewpoints = from.tags().any(|tag| tag == VIEWPOINTS);
     let state = ViewState {
         record: from.take_record(VIEW)?,
         children: from.take_array(NODE_CHILDREN)?,
@@ -204,6 +222,8 @@ fn take_view(from: &mut Sections<'_>) -> Result<MapView> {
         known: from.take_array(BRICK_KNOWN)?,
         color_cells: if has_color { from.take_array(COLOR_CELLS)? } else { Vec::new() },
         texels: if has_color { from.take_array(VIEW_TEXELS)? } else { Vec::new() },
+        viewpoints: if has_viewpoints { from.take_array(VIEWPOINTS)? } else { Vec::new() },
+        codes: if config.has("language") { take_view_codes(from)? } else { Default::default() },
     };
     MapView::from_state(config, state)
 }

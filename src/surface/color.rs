@@ -30,9 +30,6 @@ const MAX_WEIGHT: f32 = 128.0;
 /// trilinear weight say what the map shows.
 const CORRECTED_WEIGHT: f32 = 1.0;
 const SHOWN_SHARE: f32 = 0.3;
-/// A pixel is left out where the depth differs from a neighbour's by more than this share: its
-/// colour mixes two surfaces.
-const EDGE_SHARE: f32 = 0.04;
 /// Bound of an exposure gain.
 const GAIN_LIMIT: f32 = 1.5;
 /// Pixels without which no gain is estimated, and the colours, within 0..1, that take part: neither
@@ -177,24 +174,15 @@ impl ColorField {
         let k = &frame.intrinsics;
         let (rotation, origin) =
             (frame.world_from_camera.rotation_f32(), frame.world_from_camera.position_f32());
-        let mut last = None;
         for v in (self.stride / 2..k.height).step_by(self.stride as usize) {
             for u in (self.stride / 2..k.width).step_by(self.stride as usize) {
                 let z = frame.depth.at(u, v);
-                if z <= 0.0 || at_edge(frame, u, v, z) {
+                if z <= 0.0 || frame.depth.is_edge(u, v) {
                     continue;
                 }
                 let point = rotation * (k.direction(u as f32, v as f32) * z) + origin;
                 let place = self.band.scale.place(point);
-                let block = match last {
-                    Some((cell, block)) if cell == place.cell => block,
-                    _ => match self.band.insert(place.cell) {
-                        Some(block) => block,
-                        None => continue,
-                    },
-                };
-                last = Some((place.cell, block));
-                self.band.surround(block, &place);
+                let Some(block) = self.band.hold(&place) else { continue };
                 self.splats.push(Splat {
                     place,
                     block,
@@ -232,19 +220,6 @@ impl ColorField {
         let (sum, total) = sum_of_observed(&self.observed(&rows), &splat.place.weights());
         (total > 0.99).then(|| sum / total)
     }
-}
-
-/// Whether a pixel lies next to a jump of the depth.
-fn at_edge(frame: &Frame, u: u32, v: u32, z: f32) -> bool {
-    let k = &frame.intrinsics;
-    let jumps = |u: u32, v: u32| {
-        let other = frame.depth.at(u.min(k.width - 1), v.min(k.height - 1));
-        other > 0.0 && (other - z).abs() > EDGE_SHARE * z
-    };
-    jumps(u.saturating_sub(1), v)
-        || jumps(u + 1, v)
-        || jumps(u, v.saturating_sub(1))
-        || jumps(u, v + 1)
 }
 
 #[cfg(test)]

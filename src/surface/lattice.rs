@@ -34,6 +34,11 @@ impl Lattice {
         Self { unit_m, r0, free, cell, brick }
     }
 
+    /// The cells of the band of codes.
+    pub fn code_cell(&self, config: &MapConfig) -> u8 {
+        self.r0 + config.language.log2_spacing.max(0) as u8
+    }
+
     /// The voxels that stand around surfaces: level 0, or 0.1 m where that is larger.
     pub fn surface(&self) -> u8 {
         self.r0.max(self.cell)

@@ -38,6 +38,8 @@ pub struct KeyFrames {
     /// Windows selected so far: the clock by which blocks wait.
     selections: u32,
     index: FxHashMap<u64, u32>,
+    /// Whether there are others than at [`KeyFrames::take_changed`].
+    changed: bool,
 }
 
 #[derive(Debug)]
@@ -69,6 +71,7 @@ impl KeyFrames {
             idle_cursor: 0,
             selections: 0,
             index: FxHashMap::default(),
+            changed: false,
         }
     }
 
@@ -80,6 +83,16 @@ impl KeyFrames {
     /// Whether none is held.
     pub fn is_empty(&self) -> bool {
         self.frames.is_empty()
+    }
+
+    /// All of them, oldest first.
+    pub fn iter(&self) -> impl Iterator<Item = &KeyFrame> {
+        self.frames.values().map(|kept| &kept.frame)
+    }
+
+    /// Whether there are others than at the last call.
+    pub fn take_changed(&mut self) -> bool {
+        std::mem::take(&mut self.changed)
     }
 
     /// Bytes held.
@@ -115,6 +128,7 @@ impl KeyFrames {
         self.bytes += frame.bytes();
         let listings = frame.blocks.len() as u32;
         self.frames.insert(id, Kept { frame: frame.clone(), listings });
+        self.changed = true;
         for &block in &frame.blocks {
             let entry = self.block(block);
             let ids = &mut self.by_block[entry].1.ids;
@@ -140,6 +154,7 @@ impl KeyFrames {
 
     fn remove(&mut self, id: u32) {
         let Some(Kept { frame, .. }) = self.frames.remove(&id) else { return };
+        self.changed = true;
         self.bytes -= frame.bytes();
         let standpoint = frame.standpoint();
         if self.by_standpoint.get(&standpoint) == Some(&id) {

@@ -132,6 +132,7 @@ mod tests {
             occupancy: vec![],
             state: vec![1, 0],
             color: vec![Vec3::NAN, Vec3::ONE],
+            ..PointAnswers::default()
         }
     }
 

@@ -121,6 +121,7 @@ impl From<v1::QueryPointsReply> for PointsReply {
                 occupancy: message.occupancy,
                 state: message.state,
                 color: message.color.chunks_exact(3).map(Vec3::from_slice).collect(),
+                ..PointAnswers::default()
             },
             epoch: message.epoch,
             newest_stamp_ns: message.newest_stamp_ns,
@@ -196,7 +197,7 @@ mod tests {
                 frame_id,
                 points: points.into_iter().map(Vec3::from).collect(),
                 // No field at all means every field, so one is always asked for.
-                fields: Fields { distance, gradient, occupancy, state: true, color },
+                fields: Fields { distance, gradient, occupancy, state: true, color, ..Fields::NONE },
                 min_epoch,
                 max_age: max_age_ms.map(Duration::from_millis),
                 unknown: Unknown { policy, distance_m },
@@ -224,6 +225,7 @@ mod tests {
                     occupancy: rows.iter().map(|(n, _)| n[4]).collect(),
                     state: rows.iter().map(|(_, state)| *state).collect(),
                     color: rows.iter().map(|(n, _)| Vec3::from_slice(&n[5..8])).collect(),
+                    ..PointAnswers::default()
                 },
                 epoch,
                 newest_stamp_ns,

@@ -48,6 +48,7 @@ fn from_json(answer: &Value) -> PointsReply {
             occupancy: column("occupancy").iter().map(number).collect(),
             state: column("state").iter().map(|s| s.as_u64().unwrap() as u8).collect(),
             color: column("color").iter().map(triple).collect(),
+            ..PointAnswers::default()
         },
         epoch: answer["epoch"].as_u64().unwrap(),
         newest_stamp_ns: answer["newest_stamp_ns"].as_i64().unwrap(),
@@ -57,7 +58,7 @@ fn from_json(answer: &Value) -> PointsReply {
 
 /// The JSON of a question.
 fn to_json(question: &PointsQuestion) -> Value {
-    let Fields { distance, gradient, occupancy, state, color } = question.fields;
+    let Fields { distance, gradient, occupancy, state, color, .. } = question.fields;
     let names = [
         (distance, "distance"),
         (gradient, "gradient"),
@@ -87,6 +88,7 @@ async fn every_field_is_the_same_over_grpc_in_json_and_raw() {
         occupancy: on[2],
         state: on[3],
         color: on[4],
+        ..Fields::NONE
     };
     let each = (0..5).map(|field| only([0, 1, 2, 3, 4].map(|i| i == field)));
     let fields: Vec<Fields> = each.chain([Fields::ALL]).collect();

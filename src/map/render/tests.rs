@@ -56,6 +56,7 @@ fn view_in(profile: Profile, half_m: f32, field: impl Fn(Vec3) -> Explicit) -> M
             corners,
             brick: if corners[0] == NO_ROW { NO_NODE } else { 0 },
             block: NO_BLOCK,
+            code_block: NO_BLOCK,
             low: topology.low_corner(id),
             log2_size: topology.log2_size(id),
         };
@@ -74,7 +75,7 @@ fn view_in(profile: Profile, half_m: f32, field: impl Fn(Vec3) -> Explicit) -> M
         occupancy: occupancy::decoder(0).expect("a decoder"),
     };
     let (config, decoders) = (Arc::new(config), Arc::new(decoders));
-    MapView { epoch: 1, newest_stamp_ns: 0, config, decoders, store }
+    MapView { epoch: 1, newest_stamp_ns: 0, config, decoders, store, viewpoints: Arc::default() }
 }
 
 fn camera(eye: DVec3, target: DVec3, width: u32, height: u32) -> Camera {
@@ -242,6 +243,7 @@ fn images_of_any_size_and_of_nothing_are_drawn() {
                 normal: vec![Vec3::ZERO; n],
                 opacity: vec![0.0; n],
                 unknown: vec![1; n],
+                ..Rendering::default()
             };
             assert_eq!(image, nothing, "{renderer:?}");
         }

@@ -1,6 +1,5 @@
 //! Codes at the vertices of a band: running averages of the codes of what frames saw there.
 
-use super::half::F16;
 use super::products::add_scaled;
 use crate::error::{Error, Result};
 use crate::geometry::simd::{InstructionSet, LINE};
@@ -30,10 +29,15 @@ impl Codes {
         Self { set: InstructionSet::detect(), stride, weights: Vec::new(), values: Vec::new() }
     }
 
-    /// Codes as they were stored: weights, and as many codes of `capacity` numbers.
-    pub fn with_values(capacity: usize, weights: Vec<f32>, values: &[f32]) -> Result<Self> {
+    /// Codes as they were stored: weights, and as many codes of `width` numbers, at most `capacity`.
+    pub fn with_values(
+        capacity: usize,
+        weights: Vec<f32>,
+        values: &[f32],
+        width: usize,
+    ) -> Result<Self> {
         let damaged = |problem: &str| Error::corrupt("codes", problem);
-        if capacity == 0 || values.len() != weights.len().saturating_mul(capacity) {
+        if width > capacity || values.len() != weights.len().saturating_mul(width) {
             return Err(damaged("weights and codes do not fit together"));
         }
         if !weights.iter().all(|n| (0.0..=MAX_WEIGHT).contains(n))
@@ -44,10 +48,20 @@ impl Codes {
         let mut codes = Self::new(capacity);
         codes.resize(weights.len())?;
         codes.weights = weights;
-        for (to, from) in codes.values.chunks_mut(codes.stride).zip(values.chunks(capacity)) {
-            to[..capacity].copy_from_slice(from);
+        for (to, from) in codes.values.chunks_mut(codes.stride).zip(values.chunks(width.max(1))) {
+            to[..width].copy_from_slice(from);
         }
         Ok(codes)
+    }
+
+    /// The weights, by vertex.
+    pub fn weights(&self) -> &[f32] {
+        &self.weights
+    }
+
+    /// The first `width` numbers of all codes, for [`Codes::with_values`].
+    pub fn values(&self, width: usize) -> Vec<f32> {
+        self.values.chunks(self.stride).flat_map(|code| &code[..width]).copied().collect()
     }
 
     /// Bytes of so many vertices.
@@ -117,11 +131,6 @@ impl Codes {
         }
         total > 0.0
     }
-
-    /// The code of a vertex as it is stored in halves.
-    pub fn halves(&self, row: usize, out: &mut [F16]) {
-        out.iter_mut().zip(self.code(row)).for_each(|(to, x)| *to = F16::nearest(*x));
-    }
 }
 
 #[cfg(test)]
@@ -164,8 +173,7 @@ mod tests {
         let mut band = Band::new(BandScale { cell_m: 0.1, log2_side: 0 });
         band.limit(64);
         let place = band.scale.place(glam::Vec3::new(0.125, 0.15, 0.15));
-        let block = band.insert(place.cell).unwrap();
-        band.surround(block, &place);
+        let block = band.hold(&place).unwrap();
         let (rows, weights) =
             (band.scale.vertices_around(&place, band.uppers(block)), place.weights());
         let mut codes = Codes::new(16);
@@ -191,16 +199,14 @@ mod tests {
         let mut codes = Codes::new(3);
         codes.resize(1).unwrap();
         one(&mut codes, 0.5, &[0.25, -0.5, 1.0]);
-        let values = codes.code(0)[..3].to_vec();
-        let again = Codes::with_values(3, vec![0.5], &values).unwrap();
+        let values = codes.values(3);
+        let again = Codes::with_values(3, codes.weights().to_vec(), &values, 3).unwrap();
         assert_eq!((again.code(0), again.weight(0)), (codes.code(0), codes.weight(0)));
         for (weight, values) in [(0.5, &values[..2]), (f32::NAN, &values), (21.0, &values)] {
-            assert!(Codes::with_values(3, vec![weight], values).is_err());
+            assert!(Codes::with_values(3, vec![weight], values, 3).is_err());
         }
-        assert!(Codes::with_values(3, vec![0.5], &[0.0, f32::NAN, 0.0]).is_err());
+        assert!(Codes::with_values(3, vec![0.5], &[0.0, f32::NAN, 0.0], 3).is_err());
+        assert!(Codes::with_values(2, vec![0.5], &values, 3).is_err());
         assert!(codes.resize(usize::MAX).is_err());
-        let mut halves = [F16::default(); 3];
-        codes.halves(0, &mut halves);
-        assert_eq!(halves.map(F16::widen).as_slice(), values);
     }
 }

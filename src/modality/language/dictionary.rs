@@ -6,11 +6,12 @@ use super::growth::{TAKEN, dominant, project_out, unit};
 use super::products::{add_scaled, dot};
 use super::query::Query;
 use super::scatter::{AtomRows, BUNDLE, Samples, Scatter, padded};
+use crate::config::MAX_ATOMS;
 use crate::error::{Error, Result};
 use crate::geometry::simd::{InstructionSet, LINE};
 
-/// Bound of the atoms, so that an atom's number is an `i16` and codes stay small.
-pub const MAX_CAPACITY: usize = 1024;
+/// Bound of the atoms.
+pub const MAX_CAPACITY: usize = MAX_ATOMS as usize;
 
 /// Atoms of a file are taken as orthonormal up to this.
 const ORTHONORMAL: f32 = 1e-4;
@@ -113,6 +114,28 @@ impl Dictionary {
             dictionary.push(row);
         }
         Ok(dictionary)
+    }
+
+    /// The axes themselves: codes are features as they are.
+    pub fn identity(dimension: usize) -> Result<Self> {
+        if dimension > MAX_CAPACITY {
+            let problem =
+                format!("{dimension} numbers are kept in full up to {MAX_CAPACITY} alone");
+            return Err(Error::invalid("dictionary", problem));
+        }
+        let mut dictionary = Self::empty(dimension, dimension)?;
+        let mut axis = vec![0.0; dimension];
+        for i in 0..dimension {
+            axis[i] = 1.0;
+            dictionary.push(&axis);
+            axis[i] = 0.0;
+        }
+        Ok(dictionary)
+    }
+
+    /// The same atoms, which stay as they are: what a view needs.
+    pub fn atoms(&self) -> Self {
+        Self { learning: None, ..self.clone() }
     }
 
     fn empty(dimension: usize, capacity: usize) -> Result<Self> {

@@ -6,7 +6,7 @@
 /// their direction, so that scores of different texts are close.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
-pub struct F16(pub u16);
+pub(super) struct F16(pub(super) u16);
 
 /// 2¹¹², from the exponents of a half to those of an `f32`.
 const LIFT: f32 = f32::from_bits((127 + 112) << 23);
@@ -17,7 +17,7 @@ impl F16 {
     /// The nearest half of a finite number, of two that are equally near the even one; what is too
     /// large becomes the largest.
     #[inline(always)]
-    pub fn nearest(x: f32) -> Self {
+    pub(super) fn nearest(x: f32) -> Self {
         let magnitude = x.abs().min(MAX);
         let sign = (x.to_bits() >> 16) as u16 & 0x8000;
         // Below 2⁻¹⁴ a half's steps are all 2⁻²⁴; the sum with 0.5 rounds to them.
@@ -32,7 +32,7 @@ impl F16 {
 
     /// The number, exactly.
     #[inline(always)]
-    pub fn widen(self) -> f32 {
+    pub(super) fn widen(self) -> f32 {
         let bits = u32::from(self.0);
         let magnitude = f32::from_bits((bits & 0x7fff) << 13) * LIFT;
         f32::from_bits(magnitude.to_bits() | (bits & 0x8000) << 16)

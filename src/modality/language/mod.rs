@@ -14,18 +14,19 @@ mod codes;
 mod dictionary;
 mod eigen;
 mod features;
+mod field;
 mod growth;
 mod half;
+mod kept;
 mod products;
 mod query;
 mod scatter;
-mod sparse;
 #[cfg(test)]
 mod tests;
 
 pub use codes::Codes;
 pub use dictionary::{Dictionary, DictionarySettings, DictionaryState, MAX_CAPACITY};
 pub use features::UnitFeatures;
-pub use half::F16;
-pub use query::{NEGATIVES, Query, TEMPERATURE, relevancy};
-pub use sparse::SparseCodes;
+pub use field::{LanguageField, LanguageState};
+pub use kept::{KeptCodes, StoredCodes};
+pub use query::{NEGATIVES, Query, TEMPERATURE, cosine, relevancy};

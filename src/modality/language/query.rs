@@ -1,9 +1,7 @@
 //! Text against codes: cosine and relevancy (paper eq:cossim, eq:relevancy).
 
-use super::half::F16;
 use super::products::dot;
-use super::sparse::SparseCodes;
-use crate::geometry::simd::{InstructionSet, Kernel, LINE, Lanes};
+use crate::geometry::simd::InstructionSet;
 
 /// τ of LERF: similarities are multiplied by 10 before they are compared.
 pub const TEMPERATURE: f32 = 0.1;
@@ -38,25 +36,15 @@ impl Query {
         cosine(dot(self.set, code, &self.code), dot(self.set, code, code))
     }
 
-    /// [`Query::score`] of a code in halves.
-    pub fn score_halves(&self, code: &[F16]) -> f32 {
-        let len = code.len().min(self.code.len());
-        let [along, square] = self.set.run(HalfProducts(&code[..len], &self.code[..len]));
-        cosine(along, square)
-    }
-
-    /// [`Query::score`] of the largest coefficients of a code.
-    pub fn score_sparse(&self, codes: &SparseCodes, row: usize) -> f32 {
-        let (mut along, mut square) = (0.0, 0.0);
-        for (atom, x) in codes.terms(row) {
-            along += x * self.code.get(atom).copied().unwrap_or(0.0);
-            square += x * x;
-        }
-        cosine(along, square)
+    /// c · q for a code: [`Query::score`] without the length of the code.
+    pub fn along(&self, code: &[f32]) -> f32 {
+        dot(self.set, code, &self.code)
     }
 }
 
-fn cosine(along: f32, square: f32) -> f32 {
+/// The cosine of a code with a text, of c · q and ‖c‖²; NaN where the code is nothing.
+#[inline]
+pub fn cosine(along: f32, square: f32) -> f32 {
     if square > MIN_SQUARE { along / square.sqrt() } else { f32::NAN }
 }
 
@@ -65,36 +53,6 @@ fn cosine(along: f32, square: f32) -> f32 {
 pub fn relevancy(score: f32, negatives: &[f32], temperature: f32) -> f32 {
     let best = negatives.iter().copied().fold(f32::NEG_INFINITY, f32::max);
     1.0 / (1.0 + ((best - score) / temperature).exp())
-}
-
-/// (c · q, c · c) for c in halves.
-struct HalfProducts<'a>(&'a [F16], &'a [f32]);
-
-impl Kernel for HalfProducts<'_> {
-    type Output = [f32; 2];
-
-    #[inline(always)]
-    fn run<L: Lanes>(self) -> [f32; 2] {
-        let Self(code, query) = self;
-        let whole = code.len() - code.len() % LINE;
-        let (mut along, mut square) = (L::splat(0.0), L::splat(0.0));
-        let mut wide = [0.0; LINE];
-        for (halves, query) in code.chunks_exact(LINE).zip(query.chunks_exact(LINE)) {
-            wide.iter_mut().zip(halves).for_each(|(x, half)| *x = half.widen());
-            for at in (0..LINE).step_by(L::N) {
-                let x = L::load(&wide, at);
-                along = x.mul_add(L::load(query, at), along);
-                square = x.mul_add(x, square);
-            }
-        }
-        let (mut along, mut square) = (along.sum(), square.sum());
-        for (half, q) in code[whole..].iter().zip(&query[whole..]) {
-            let x = half.widen();
-            along += x * q;
-            square += x * x;
-        }
-        [along, square]
-    }
 }
 
 #[cfg(test)]
@@ -116,7 +74,7 @@ mod tests {
     }
 
     #[test]
-    fn every_form_of_a_code_has_its_score() {
+    fn a_score_is_a_cosine() {
         for len in [1, 16, 37, 64] {
             let code: Vec<f32> = (0..len).map(|i| ((i * 7 % 11) as f32 - 4.0) / 8.0).collect();
             let text: Vec<f32> = (0..len).map(|i| ((i * 5 % 13) as f32 - 6.0) / 16.0).collect();
@@ -125,15 +83,9 @@ mod tests {
             let expected = along / square.sqrt();
             for set in InstructionSet::available() {
                 let query = Query::new(set, text.clone());
-                let halves: Vec<F16> = code.iter().map(|x| F16::nearest(*x)).collect();
-                let mut sparse = SparseCodes::new(len);
-                sparse.push(&code);
-                let found = [
-                    query.score(&code),
-                    query.score_halves(&halves),
-                    query.score_sparse(&sparse, 0),
-                ];
-                assert!(found.iter().all(|x| (x - expected).abs() < 1e-6), "{set:?} {found:?}");
+                let found = query.score(&code);
+                assert!((found - expected).abs() < 1e-6, "{set:?} {found}");
+                assert!((query.along(&code) - along).abs() < 1e-5, "{set:?}");
             }
         }
     }
@@ -143,6 +95,5 @@ mod tests {
         let query = Query::new(InstructionSet::detect(), vec![1.0; 20]);
         assert!(query.score(&[0.0; 20]).is_nan());
         assert!(query.score(&[]).is_nan());
-        assert!(query.score_halves(&[F16::default(); 20]).is_nan());
     }
 }

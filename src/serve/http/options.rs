@@ -132,6 +132,7 @@ impl Options {
                 occupancy: has(Field::Occupancy),
                 state: has(Field::State),
                 color: has(Field::Color),
+                ..Fields::NONE
             },
             min_epoch: self.min_epoch.unwrap_or_default(),
             max_age: self.max_age_ms.filter(|ms| *ms > 0).map(Duration::from_millis),

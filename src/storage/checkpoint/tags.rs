@@ -51,10 +51,22 @@ pub(super) const COLOR_STEPS: Tag = Tag(*b"CSTP");
 pub(super) const KEY_COLORS: Tag = Tag(*b"KCOL");
 pub(super) const KEY_GAINS: Tag = Tag(*b"KGAI");
 pub(super) const VIEW_TEXELS: Tag = Tag(*b"VTEX");
+pub(super) const LANGUAGE: Tag = Tag(*b"LCON");
+pub(super) const DICTIONARY: Tag = Tag(*b"LDIC");
+pub(super) const ATOMS: Tag = Tag(*b"LATM");
+pub(super) const SCATTER: Tag = Tag(*b"LSCA");
+pub(super) const CODE_CELLS: Tag = Tag(*b"LCEL");
+pub(super) const CODE_WEIGHTS: Tag = Tag(*b"LWGT");
+pub(super) const CODES: Tag = Tag(*b"LCOD");
+pub(super) const VIEW_HALVES: Tag = Tag(*b"LHAL");
+pub(super) const VIEW_FLOATS: Tag = Tag(*b"LFLO");
+pub(super) const VIEW_ATOMS: Tag = Tag(*b"LTRM");
+/// Absent in files from before things were looked for.
+pub(super) const VIEWPOINTS: Tag = Tag(*b"vpts");
 pub(super) const VIEW: Tag = Tag(*b"VIEW");
 pub(super) const VIEW_ROWS: Tag = Tag(*b"VROW");
 
-pub(super) const ALL: [Tag; 50] = [
+pub(super) const ALL: [Tag; 61] = [
     KIND,
     CONFIG,
     PROGRESS,
@@ -103,6 +115,17 @@ pub(super) const ALL: [Tag; 50] = [
     KEY_COLORS,
     KEY_GAINS,
     VIEW_TEXELS,
+    LANGUAGE,
+    DICTIONARY,
+    ATOMS,
+    SCATTER,
+    CODE_CELLS,
+    CODE_WEIGHTS,
+    CODES,
+    VIEW_HALVES,
+    VIEW_FLOATS,
+    VIEW_ATOMS,
+    VIEWPOINTS,
     VIEW,
     VIEW_ROWS,
 ];

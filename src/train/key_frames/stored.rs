@@ -96,6 +96,7 @@ impl KeyFrames {
             self.by_standpoint.insert(frame.standpoint(), record.id);
             self.frames.insert(record.id, Kept { frame, listings: 0 });
         }
+        self.changed = true;
         if self.frames.last_key_value().is_some_and(|(&id, _)| id >= state.next)
             || state.block_trained.len() != state.blocks.len()
             || state.block_counts.len() != state.blocks.len()

@@ -180,6 +180,17 @@ fn codes_tell_classes_apart_as_full_features_do() {
     assert!(dense[2].2 > full_precision - 0.01 && dense[1].2 > full_precision - 0.05);
 }
 
+/// [`judge`] of codes in the form that a view holds them in.
+fn judge_kept(queries: &[Query], codes: &Codes, form: CodeForm, terms: usize) -> (f64, f64) {
+    let mut kept = KeptCodes::new(form, terms, VERTICES);
+    (0..VERTICES).for_each(|v| kept.set(v, codes.code(v)));
+    judge(|vertex, class| {
+        let mut code = vec![0.0; codes.code(vertex).len()];
+        kept.add_to(vertex, 1.0, &mut code);
+        queries[class].score(&code)
+    })
+}
+
 #[test]
 fn few_large_coefficients_tell_less_and_atoms_known_before_no_less() {
     let scene = Scene::new();
@@ -190,17 +201,12 @@ fn few_large_coefficients_tell_less_and_atoms_known_before_no_less() {
     let queries: Vec<Query> = scene.texts.iter().map(|t| dictionary.query(t).unwrap()).collect();
     let mut before = 0.0;
     for (terms, least) in [(4, 0.2), (16, 0.6), (48, dense_right - 0.08)] {
-        let mut sparse = SparseCodes::new(terms);
-        (0..VERTICES).for_each(|v| sparse.push(codes.code(v)));
-        let (right, precision) =
-            judge(|vertex, class| queries[class].score_sparse(&sparse, vertex));
+        let (right, precision) = judge_kept(&queries, &codes, CodeForm::TopK, terms);
         println!("top-{terms}: {right:.3} {precision:.3}");
         assert!(right > least && precision > before && right < dense_right);
         before = precision;
     }
-    let mut halves = vec![vec![F16::default(); dictionary.capacity()]; VERTICES];
-    halves.iter_mut().enumerate().for_each(|(v, halves)| codes.halves(v, halves));
-    let (right, precision) = judge(|vertex, class| queries[class].score_halves(&halves[vertex]));
+    let (right, precision) = judge_kept(&queries, &codes, CodeForm::F16, 0);
     println!("halves: {right:.3} {precision:.3}");
     assert!((right - dense_right).abs() < 0.005 && (precision - dense_precision).abs() < 0.001);
 

@@ -7,6 +7,7 @@ use proptest::prelude::*;
 use super::eigen::symmetric;
 use super::features::norm;
 use super::*;
+use crate::config::CodeForm;
 use crate::geometry::random::{normal, pcg4d};
 
 /// Standard normal numbers; `stream` keeps those of different purposes apart.
@@ -221,8 +222,11 @@ proptest! {
             if norm(code) > 1e-3 {
                 let found = f64::from(query.score(code));
                 prop_assert!((found - expected).abs() < 1e-4, "{found} {expected}");
-                let halves: Vec<F16> = code.iter().map(|x| F16::nearest(*x)).collect();
-                prop_assert!((f64::from(query.score_halves(&halves)) - expected).abs() < 2e-3);
+                let mut halves = KeptCodes::new(CodeForm::F16, 0, 1);
+                halves.set(0, code);
+                let mut kept = vec![0.0; code.len()];
+                halves.add_to(0, 1.0, &mut kept);
+                prop_assert!((f64::from(query.score(&kept)) - expected).abs() < 2e-3);
             }
         }
     }
@@ -369,9 +373,7 @@ fn memory_is_what_the_paper_says() {
     // Top-K codes: 6.8 and 23.3, with an average's weight at each vertex as above.
     let dictionary = Dictionary::new(1024, DictionarySettings::default()).unwrap();
     for (terms, paper_mib) in [(4, 6.8), (48, 23.3)] {
-        let mut codes = SparseCodes::new(terms);
-        (0..1024).for_each(|_| codes.push(&[]));
-        let bytes = dictionary.bytes() + codes.bytes() * 64 + (4 << 16);
+        let bytes = dictionary.bytes() + KeptCodes::new(CodeForm::TopK, terms, 1 << 16).bytes();
         let ratio = bytes as f64 / (paper_mib * f64::from(1 << 20));
         assert!((ratio - 1.0).abs() < 0.02, "{terms}: {ratio}");
     }

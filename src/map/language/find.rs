@@ -1,0 +1,209 @@
+//! Things in the whole map: connected vertices that fit a text.
+
+use glam::Vec3;
+use rustc_hash::FxHashMap;
+
+use super::boxes::OrientedBox;
+use super::scorer::Scorer;
+use super::viewpoint;
+use crate::geometry::{Aabb, Pose};
+use crate::map::query::Fields;
+use crate::map::view::MapView;
+use crate::octree::{LIMIT, pack};
+
+/// A thing ends where the score has fallen by this much from its best place: a wall that leans
+/// towards a text does not join the two pictures that hang on it.
+const DROP: [f32; 2] = [0.15, 0.3];
+/// Fewer vertices are no thing: a point of a surface has eight around it.
+const MIN_VERTICES: usize = 4;
+/// Things at most.
+pub(super) const MAX_MATCHES: usize = 1000;
+/// Vertices that are scored between two looks at whether to stop.
+const SCORED: usize = 2048;
+
+/// Which things are wanted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FindSettings {
+    /// Vertices outside do not count, world metres.
+    pub region: Option<Aabb>,
+    /// Vertices of a smaller score do not count.
+    pub min_score: f32,
+    /// Things at most.
+    pub top_k: usize,
+}
+
+/// A thing that fits a text.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Match {
+    /// Its place in the answer, from 0.
+    pub id: u32,
+    /// The mean score of the better half of its vertices.
+    pub score: f32,
+    /// World metres.
+    pub centroid: Vec3,
+    pub obb: OrientedBox,
+    /// The sides of the box along the world's axes, m.
+    pub extent: Vec3,
+    /// Its vertices.
+    pub voxels: u32,
+    /// The camera that showed it best, of those that the map remembers.
+    pub best_view: Option<Pose>,
+}
+
+/// A vertex that fits.
+struct Fit {
+    lattice: [i32; 3],
+    score: f32,
+}
+
+impl MapView {
+    /// Connected groups of vertices that score at least `min_score`, best first; `None` if
+    /// `interrupted`.
+    pub fn find(
+        &self,
+        scorer: &Scorer,
+        settings: &FindSettings,
+        interrupted: &(dyn Fn() -> bool + Sync),
+    ) -> Option<Vec<Match>> {
+        let spacing = self.store.codes.scale().spacing_m();
+        let fits = self.fitting(scorer, settings, interrupted)?;
+        let drop = DROP[usize::from(scorer.is_relevancy())];
+        let mut things: Vec<(f32, Vec<u32>)> = grow(&fits, settings.min_score, drop)
+            .into_iter()
+            .filter(|thing| thing.len() >= MIN_VERTICES)
+            .map(|thing| (score(&fits, &thing), thing))
+            .collect();
+        // Equally good ones in the order of their vertices, so that the answer is always the same.
+        things.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        things.truncate(settings.top_k.min(MAX_MATCHES));
+        let mut matches = Vec::with_capacity(things.len());
+        for (id, (score, thing)) in things.into_iter().enumerate() {
+            if interrupted() {
+                return None;
+            }
+            let at = |i: &u32| Vec3::from(fits[*i as usize].lattice.map(|c| c as f32)) * spacing;
+            let points: Vec<Vec3> = thing.iter().map(at).collect();
+            let (mut low, mut high) = (Vec3::MAX, Vec3::MIN);
+            points.iter().for_each(|p| (low, high) = (low.min(*p), high.max(*p)));
+            matches.push(Match {
+                id: id as u32,
+                score,
+                centroid: points.iter().sum::<Vec3>() / points.len() as f32,
+                obb: OrientedBox::around(&points, spacing),
+                extent: high - low + spacing,
+                voxels: points.len() as u32,
+                best_view: viewpoint::best(self, &points),
+            });
+        }
+        Some(matches)
+    }
+
+    /// The vertices that fit, near surfaces that are still there.
+    fn fitting(
+        &self,
+        scorer: &Scorer,
+        settings: &FindSettings,
+        interrupted: &(dyn Fn() -> bool + Sync),
+    ) -> Option<Vec<Fit>> {
+        let spacing = self.store.codes.scale().spacing_m();
+        let mut code = vec![0.0; self.atoms()];
+        let (mut fits, mut points) = (Vec::new(), Vec::new());
+        for (i, vertex) in self.store.codes.vertices().enumerate() {
+            if i % SCORED == 0 && interrupted() {
+                return None;
+            }
+            let point = Vec3::from(vertex.lattice.map(|c| c as f32)) * spacing;
+            if settings.region.is_some_and(|region| !region.contains(point)) {
+                continue;
+            }
+            vertex.read(&mut code);
+            let score = scorer.score(&code, vertex.square());
+            if score >= settings.min_score {
+                fits.push(Fit { lattice: vertex.lattice, score });
+                points.push(point);
+            }
+        }
+        let reach = self.code_reach_m();
+        let distance = self.query(&points, Fields::DISTANCE).distance;
+        // Behind a surface nobody knows how far it is.
+        let mut near = distance.into_iter().map(|d| d.is_nan() || d.abs() <= reach);
+        fits.retain(|_| near.next().unwrap_or(false));
+        Some(fits)
+    }
+}
+
+/// Groups of connected vertices, each grown from its best one down to `drop` below it. Vertices that
+/// touch a group and fit less belong to its rim, and to no group.
+fn grow(fits: &[Fit], min_score: f32, drop: f32) -> Vec<Vec<u32>> {
+    let at: FxHashMap<u64, u32> =
+        fits.iter().enumerate().map(|(i, fit)| (pack(fit.lattice), i as u32)).collect();
+    let neighbours = |i: u32| {
+        let center = fits[i as usize].lattice;
+        let at = &at;
+        (0..27).filter_map(move |n| {
+            let cell = std::array::from_fn(|a| center[a] + n / 3i32.pow(a as u32) % 3 - 1);
+            let inside = cell.iter().all(|c| (-LIMIT..LIMIT).contains(c));
+            inside.then(|| at.get(&pack(cell)).copied()).flatten()
+        })
+    };
+    let mut order: Vec<u32> = (0..fits.len() as u32).collect();
+    let score = |i: u32| fits[i as usize].score;
+    order.sort_by(|a, b| score(*b).total_cmp(&score(*a)).then(a.cmp(b)));
+    let mut taken = vec![false; fits.len()];
+    let mut groups = Vec::new();
+    for seed in order {
+        if taken[seed as usize] {
+            continue;
+        }
+        if neighbours(seed).any(|n| taken[n as usize]) {
+            taken[seed as usize] = true;
+            continue;
+        }
+        let least = min_score.max(score(seed) - drop);
+        taken[seed as usize] = true;
+        let mut group = vec![seed];
+        let mut next = 0;
+        while let Some(&i) = group.get(next) {
+            next += 1;
+            for n in neighbours(i) {
+                if !taken[n as usize] && score(n) >= least {
+                    taken[n as usize] = true;
+                    group.push(n);
+                }
+            }
+        }
+        group.sort_unstable();
+        groups.push(group);
+    }
+    groups
+}
+
+/// The mean score of the better half.
+fn score(fits: &[Fit], group: &[u32]) -> f32 {
+    let mut scores: Vec<f32> = group.iter().map(|i| fits[*i as usize].score).collect();
+    scores.sort_by(|a, b| b.total_cmp(a));
+    scores.truncate(group.len().div_ceil(2));
+    scores.iter().sum::<f32>() / scores.len().max(1) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(scores: &[f32]) -> Vec<Fit> {
+        let fit = |(x, score): (usize, &f32)| Fit { lattice: [x as i32, 0, 5], score: *score };
+        scores.iter().enumerate().map(fit).filter(|fit| fit.score > 0.0).collect()
+    }
+
+    #[test]
+    fn groups_end_where_scores_fall_and_rims_are_none() {
+        let fits = line(&[0.9, 0.88, 0.85, 0.6, 0.8, 0.85, 0.0, 0.7, 0.7]);
+        let groups = grow(&fits, 0.5, 0.1);
+        // The valley at 3 touches the first group; 4 and 5 are a group of their own.
+        assert_eq!(groups, [vec![0, 1, 2], vec![4, 5], vec![6, 7]]);
+        let groups = grow(&fits, 0.5, 0.4);
+        assert_eq!(groups, [vec![0, 1, 2, 3, 4, 5], vec![6, 7]]);
+        assert_eq!(score(&fits, &[0, 1, 2]), (0.9 + 0.88) / 2.0);
+        assert!(grow(&[], 0.5, 0.1).is_empty());
+    }
+}
