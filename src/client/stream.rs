@@ -146,7 +146,10 @@ pub fn load_ahead(
     std::thread::Builder::new()
         .name("orenx-load".into())
         .spawn(move || {
-            let prepare = |_, frame: &mut Frame| prepare(frame);
+            let prepare = |_, frame: &mut Frame| {
+                prepare(frame);
+                Ok(())
+            };
             let deliver = |next: Loaded| loaded.blocking_send(next.frame).is_ok();
             load_each(dataset.as_ref(), indices, true, prepare, deliver);
         })
