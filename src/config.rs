@@ -3,6 +3,7 @@
 //! [`MapSettings`] is raw: what the file, the environment and the flags say. [`MapConfig`] is
 //! checked and complete: every profile default is filled in, and it travels inside a checkpoint.
 
+mod encoder;
 mod language;
 mod layers;
 mod server;
@@ -12,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
+pub use encoder::{EncoderKind, EncoderSettings};
 pub use language::{CodeForm, DictionaryKind, LanguageConfig, MAX_ATOMS};
 pub use server::{
     DEFAULT_FILE, GpuSettings, ServerConfig, ServerSettings, Settings, StorageSettings,

@@ -14,8 +14,10 @@ use clap::Args;
 
 pub(super) use self::progress::Progress;
 pub(super) use self::report::{Tally, processor, spread};
+use crate::cli::encoder::EncoderArgs;
 use crate::config::{BackendChoice, MapConfig, MapSettings, Prior, Profile, Schedule};
 use crate::dataset::{self, Dataset, Format, FrameRange, Noise};
+use crate::encoder::TextEncoder;
 use crate::error::{Error, Result};
 use crate::map::{Mapper, Trainer};
 use crate::storage;
@@ -58,6 +60,8 @@ pub struct MapArgs {
     /// Noise to add to depth: gaussian:S (metres), axial:S (S·z) or kinect:S
     #[arg(long, value_name = "MODEL:S")]
     noise: Option<Noise>,
+    #[command(flatten)]
+    encoder: EncoderArgs,
     #[arg(long, value_enum, default_value = "auto")]
     backend: BackendChoice,
     /// Seed of every random choice; 0 by default
@@ -87,6 +91,14 @@ impl MapArgs {
         };
         let dataset = dataset::open(&self.dataset, self.format)?;
         let indices = self.frames.unwrap_or_default().indices(dataset.len(), self.stride)?;
+        let encoder = self.encoder.open()?;
+        let feed = Feed {
+            dataset: dataset.as_ref(),
+            indices: &indices,
+            noise: self.noise,
+            encoder: encoder.as_ref(),
+        };
+        feed.check()?;
         mapper.train_on(Trainer::of(self.backend))?;
 
         let interrupted = Arc::new(AtomicBool::new(false));
@@ -94,8 +106,7 @@ impl MapArgs {
         ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))
             .context("cannot listen for Ctrl-C")?;
         let mut progress = Progress::new(indices.len());
-        let data = dataset.as_ref();
-        let tally = integrate(&mut mapper, data, &indices, self.noise, &interrupted, &mut progress);
+        let tally = integrate(&mut mapper, &feed, &interrupted, &mut progress);
         progress.finish();
         let mut tally = tally?;
         tally.seconds = start.elapsed().as_secs_f64();
@@ -105,7 +116,7 @@ impl MapArgs {
         }
         storage::save(&mut mapper, &self.out, self.compact)?;
         if let Some(path) = &self.report {
-            report::write(path, &report::report(data.name(), &mapper, &tally))?;
+            report::write(path, &report::report(dataset.name(), &mapper, &tally))?;
         }
         println!("{}", self.summary(&tally, indices.len()));
         Ok(())
@@ -164,23 +175,47 @@ impl MapArgs {
     }
 }
 
+/// What is mapped: frames of a recording, and what becomes of them on the way.
+pub(super) struct Feed<'a> {
+    pub(super) dataset: &'a dyn Dataset,
+    pub(super) indices: &'a [usize],
+    pub(super) noise: Option<Noise>,
+    /// What embeds the names of classes, where frames have labels.
+    pub(super) encoder: Option<&'a TextEncoder>,
+}
+
+impl Feed<'_> {
+    /// Refuses an encoder that would have nothing to do. Where there are labels, the first frame that
+    /// is looked at mostly has them.
+    fn check(&self) -> Result<()> {
+        if self.encoder.is_none() {
+            return Ok(());
+        }
+        for &index in self.indices {
+            if self.dataset.labels(index)?.is_some() {
+                return Ok(());
+            }
+        }
+        let problem = format!("{} has no labels whose names it could embed", self.dataset.name());
+        Err(Error::invalid("encoder", problem))
+    }
+}
+
 /// Feeds frames to the mapper until they end or a signal comes, while the next ones are decoded.
 ///
 /// A frame that cannot be read ends the run: a hole that nobody asked for would make a wrong map.
 /// A frame that the mapper refuses is counted. Not one valid depth pixel in all is an error.
 pub(super) fn integrate(
     mapper: &mut Mapper,
-    dataset: &dyn Dataset,
-    indices: &[usize],
-    noise: Option<Noise>,
+    feed: &Feed,
     interrupted: &AtomicBool,
     progress: &mut Progress,
 ) -> Result<Tally> {
+    let Feed { dataset, indices, .. } = *feed;
     let mut tally = Tally::new(dataset.skipped());
-    let noise = noise.map(|noise| (noise, mapper.config().seed));
-    let with_color = mapper.config().has("radiance");
+    let (with_color, seed) = (mapper.config().has("radiance"), mapper.config().seed);
     std::thread::scope(|scope| {
-        for decoded in ahead::decode(scope, dataset, indices, with_color, noise)? {
+        for decoded in ahead::decode(scope, feed, with_color, seed)? {
             if interrupted.load(Ordering::Relaxed) {
                 break;
             }
@@ -237,7 +272,8 @@ mod tests {
 
     use super::*;
     use crate::dataset::synthetic::Synthetic;
-    use crate::frame::Frame;
+    use crate::encoder::test_files::static_folder;
+    use crate::frame::{Class, Frame, LabelImage};
     use crate::geometry::Intrinsics;
 
     /// A room whose depth is blank from frame `blank_from` on and cannot be read at `broken`.
@@ -278,7 +314,8 @@ mod tests {
         let mut mapper = Mapper::new(config)?;
         let indices = [0, 2, 4];
         let (flag, mut progress) = (AtomicBool::new(interrupted), Progress::new(indices.len()));
-        integrate(&mut mapper, &data, &indices, None, &flag, &mut progress)
+        let feed = Feed { dataset: &data, indices: &indices, noise: None, encoder: None };
+        integrate(&mut mapper, &feed, &flag, &mut progress)
     }
 
     #[test]
@@ -300,6 +337,64 @@ mod tests {
     #[test]
     fn a_signal_stops_between_frames() {
         assert_eq!(map(9, None, true).expect("stopped").frames, 0);
+    }
+
+    /// A room that is all chair from frame `labelled_from` on.
+    struct Labelled {
+        room: Synthetic,
+        labelled_from: usize,
+    }
+
+    impl Dataset for Labelled {
+        fn name(&self) -> &str {
+            "labelled"
+        }
+
+        fn len(&self) -> usize {
+            self.room.len()
+        }
+
+        fn intrinsics(&self) -> Intrinsics {
+            self.room.intrinsics()
+        }
+
+        fn load(&self, index: usize, with_color: bool) -> Result<Frame> {
+            self.room.load(index, with_color)
+        }
+
+        fn labels(&self, index: usize) -> Result<Option<LabelImage>> {
+            let Intrinsics { width, height, .. } = self.intrinsics();
+            Ok((index >= self.labelled_from).then(|| LabelImage {
+                width,
+                height,
+                ids: vec![4; (width * height) as usize],
+                classes: [Class { id: 4, name: "chair".into() }].into(),
+            }))
+        }
+    }
+
+    #[test]
+    fn labels_become_features_on_the_way() {
+        let folder = static_folder();
+        let encoder = TextEncoder::open_static(folder.path()).expect("an encoder");
+        let room =
+            |labelled_from| Labelled { room: Synthetic::room(6).with_width(32), labelled_from };
+        let data = room(2);
+        let feed =
+            Feed { dataset: &data, indices: &[0, 2, 4], noise: None, encoder: Some(&encoder) };
+        feed.check().expect("frame 2 has labels");
+        std::thread::scope(|scope| {
+            let frames = ahead::decode(scope, &feed, false, 0).expect("a thread");
+            let features: Vec<_> =
+                frames.iter().map(|next| next.frame.expect("a frame").features).collect();
+            let chair = encoder.embed(&["chair"]).expect("an embedding").concat();
+            assert!(features[0].is_none());
+            assert!(features[1..].iter().flatten().all(|image| image.features == chair));
+            assert_eq!(features.iter().flatten().count(), 2);
+        });
+        let none = room(9);
+        let error = Feed { dataset: &none, ..feed }.check().expect_err("nothing to embed");
+        assert_eq!((error.field(), error.exit_code()), (Some("encoder"), 2));
     }
 
     fn arguments(flags: &str) -> MapArgs {

@@ -8,6 +8,7 @@ pub mod ablate;
 pub mod bench;
 pub mod demo;
 pub mod doctor;
+mod encoder;
 pub mod eval;
 mod heap;
 mod invocation;

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::{BackendChoice, MapConfig, MapSettings, Schedule};
+use super::{BackendChoice, EncoderSettings, MapConfig, MapSettings, Schedule};
 use crate::error::{Error, Result};
 
 /// The file that documents every key. It is the lowest layer of every configuration.
@@ -18,6 +18,7 @@ pub const DEFAULT_FILE: &str = include_str!("../../deploy/orenx.toml");
 pub struct Settings {
     pub server: ServerSettings,
     pub storage: StorageSettings,
+    pub encoder: EncoderSettings,
     pub map: MapSettings,
     pub gpu: GpuSettings,
 }
@@ -65,6 +66,7 @@ impl Default for Settings {
         Self {
             server: ServerSettings::default(),
             storage: StorageSettings::default(),
+            encoder: EncoderSettings::default(),
             map: MapSettings { schedule: Schedule::Adaptive, ..MapSettings::default() },
             gpu: GpuSettings::default(),
         }
@@ -121,6 +123,7 @@ pub struct ServerConfig {
     pub gpu_memory_mib: u32,
     /// The folder that holds the maps; `None` keeps them in memory.
     pub storage: Option<PathBuf>,
+    pub encoder: EncoderSettings,
 }
 
 impl ServerConfig {
@@ -174,7 +177,9 @@ impl ServerConfig {
             trainer_nice: within("trainer_nice", server.trainer_nice, 0..=19)? as u8,
             storage: (!settings.storage.path.as_os_str().is_empty())
                 .then(|| settings.storage.path.clone()),
+            encoder: settings.encoder.clone(),
         };
+        config.encoder.check()?;
         let map = MapConfig::from_settings(&settings.map).map_err(|e| match e {
             Error::InvalidArgument { field, problem } => {
                 Error::InvalidArgument { field: format!("map.{field}"), problem }
@@ -225,7 +230,7 @@ mod tests {
 
     #[test]
     fn the_compiled_in_file_mentions_every_key_in_its_section() {
-        for (section, at_least) in [("server", 8), ("storage", 1), ("map", 10)] {
+        for (section, at_least) in [("server", 8), ("storage", 1), ("encoder", 4), ("map", 10)] {
             let (_, rest) = DEFAULT_FILE.split_once(&format!("\n[{section}]\n")).expect(section);
             let body = rest.split("\n[").next().unwrap_or_default();
             let keys = keys(section);
@@ -276,6 +281,7 @@ mod tests {
             ("[server]\nmax_points = 4000000\n", "server.max_points"),
             ("[server]\nmax_pixels = 0\n", "server.max_pixels"),
             ("[server]\nmax_frame_age_s = -1.0\n", "server.max_frame_age_s"),
+            ("[encoder]\nkind = \"static\"\n", "encoder.folder"),
             ("[map]\nr0_m = 5.0\n", "map.r0_m"),
         ] {
             let settings = Settings::parse(text, "test").expect("parses");

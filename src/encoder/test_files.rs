@@ -36,7 +36,7 @@ pub(super) fn safetensors(dtype: &str, shape: &[usize], data: &[u8]) -> Vec<u8> 
 }
 
 /// A static encoder whose token i is (i, 1), but for `dull`, which is (0, 0).
-pub(super) fn static_folder() -> TempDir {
+pub(crate) fn static_folder() -> TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let rows = (0..7).flat_map(|i| if i == 6 { [0.0_f32, 0.0] } else { [i as f32, 1.0] });
     let data: Vec<u8> = rows.flat_map(f32::to_le_bytes).collect();

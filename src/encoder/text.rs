@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::cache::{Cache, CacheCounts};
 use super::onnx_text::OnnxText;
 use super::static_table::StaticTable;
+use crate::config::{EncoderKind, EncoderSettings};
 use crate::error::{Error, Result};
 use crate::frame::Contract;
 
@@ -32,6 +33,19 @@ pub struct TextEncoder {
 }
 
 impl TextEncoder {
+    /// The encoder that settings ask for, if they ask for one.
+    pub fn open(settings: &EncoderSettings) -> Result<Option<Self>> {
+        settings.check()?;
+        match settings.kind {
+            EncoderKind::None => Ok(None),
+            EncoderKind::Static => Self::open_static(&settings.folder).map(Some),
+            EncoderKind::Onnx => Self::open_onnx(&settings.folder).map(Some),
+            EncoderKind::External => {
+                Self::external(&settings.id, settings.dimension as usize).map(Some)
+            }
+        }
+    }
+
     /// The mean of token vectors: `folder` has one `NAME.safetensors` and `tokenizer.json`. The id is
     /// `static:NAME:CHECKSUM`.
     pub fn open_static(folder: &Path) -> Result<Self> {
@@ -80,6 +94,16 @@ impl TextEncoder {
     /// The embedding of each text, of length 1. Errors call them `field[0]`, `field[1]` and so on. All
     /// texts are checked before the first is embedded.
     pub fn embed_field(&self, field: &str, texts: &[&str]) -> Result<Vec<Vec<f32>>> {
+        self.embed_named(field, |index| format!("{field}[{index}]"), texts)
+    }
+
+    /// The same, where `name_of` says what errors call the text of a place.
+    pub(super) fn embed_named(
+        &self,
+        field: &str,
+        name_of: impl Fn(usize) -> String,
+        texts: &[&str],
+    ) -> Result<Vec<Vec<f32>>> {
         let Some(source) = &self.source else {
             return Err(Error::FailedPrecondition(format!(
                 "{field}: the encoder '{}' embeds no text here; send embeddings of {} numbers",
@@ -93,14 +117,12 @@ impl TextEncoder {
         let mut trimmed = Vec::with_capacity(texts.len());
         for (index, text) in texts.iter().enumerate() {
             let text = checked(text);
-            trimmed.push(text.map_err(|problem| Error::invalid(place(field, index), problem))?);
+            trimmed.push(text.map_err(|problem| Error::invalid(name_of(index), problem))?);
         }
         let mut embeddings = Vec::with_capacity(texts.len());
         for (index, text) in trimmed.into_iter().enumerate() {
             let embedding = self.embed_one(source.as_ref(), text).map_err(|error| match error {
-                Error::InvalidArgument { problem, .. } => {
-                    Error::invalid(place(field, index), problem)
-                }
+                Error::InvalidArgument { problem, .. } => Error::invalid(name_of(index), problem),
                 other => other,
             })?;
             embeddings.push(embedding.to_vec());
@@ -123,10 +145,6 @@ impl TextEncoder {
         self.cache.put(text, Arc::clone(&embedding));
         Ok(embedding)
     }
-}
-
-fn place(field: &str, index: usize) -> String {
-    format!("{field}[{index}]")
 }
 
 /// The text without space around it, or the limit that it breaks.
@@ -244,6 +262,26 @@ mod tests {
             assert!(TextEncoder::external(id, dimension).is_err(), "{id} {dimension}");
         }
         assert!(TextEncoder::external(&"a".repeat(257), 3).is_err());
+    }
+
+    #[test]
+    fn settings_open_what_they_ask_for() {
+        let folder = static_folder();
+        let settings = |kind, folder: &Path| EncoderSettings {
+            kind,
+            folder: folder.into(),
+            id: "clip".into(),
+            dimension: 3,
+        };
+        let open = |kind| TextEncoder::open(&settings(kind, folder.path()));
+        assert!(open(EncoderKind::None).expect("none").is_none());
+        let id = |kind| open(kind).expect("an encoder").map(|e| e.contract().clone());
+        let opened = id(EncoderKind::Static).expect("one");
+        assert!(opened.encoder_id.starts_with("static:tiny:") && opened.dimension == 2);
+        let clip = Contract { encoder_id: "clip".into(), dimension: 3 };
+        assert_eq!(id(EncoderKind::External), Some(clip));
+        let nowhere = TextEncoder::open(&settings(EncoderKind::Static, Path::new("")));
+        assert_eq!(nowhere.err().expect("no folder").field(), Some("encoder.folder"));
     }
 
     #[test]

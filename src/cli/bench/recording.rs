@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use clap::Args;
 
-use crate::cli::map::{Progress, Tally, integrate};
+use crate::cli::map::{Feed, Progress, Tally, integrate};
 use crate::config::{MapConfig, MapSettings};
 use crate::dataset::{self, Dataset, Format, FrameRange, Noise};
 use crate::error::{Error, Result};
@@ -64,8 +64,9 @@ impl Recording {
         mapper.train_on(Trainer::of(settings.backend))?;
         let mut progress = Progress::on_terminals_only(self.indices.len());
         let never = AtomicBool::new(false);
-        let data = self.data.as_ref();
-        let tally = integrate(&mut mapper, data, &self.indices, noise, &never, &mut progress);
+        let feed =
+            Feed { dataset: self.data.as_ref(), indices: &self.indices, noise, encoder: None };
+        let tally = integrate(&mut mapper, &feed, &never, &mut progress);
         progress.finish();
         let mut tally = tally?;
         tally.seconds = start.elapsed().as_secs_f64();
