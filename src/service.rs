@@ -44,8 +44,8 @@ pub use question::{
     check_unknown_distance, points_of,
 };
 use readers::Readers;
+use sought::Words;
 pub use sought::{MAX_PROMPTS, Sought};
-use sought::{Names, Words};
 use studio::Studio;
 use tasks::PointsTask;
 use times::Times;
@@ -153,12 +153,7 @@ impl Service {
         demand((question.min_epoch, question.max_age), (epoch, age))?;
         let fill = question.unknown.fill(view.config().max_distance_m);
         let PointsQuestion { points, fields, text, .. } = question;
-        let text = match text {
-            Some(text) => {
-                Some(self.words.scorer(&view, text, Names::of("text."), MAX_PROMPTS).await?)
-            }
-            None => None,
-        };
+        let text = self.words.text(&view, text).await?;
         let task = PointsTask { view, points, fields, fill, text };
         let (answers, queued) = self.readers.answer(task).await?;
         let spent = started.elapsed();
@@ -168,7 +163,7 @@ impl Service {
 
     /// Draws the newest view, if it is as new as the question demands, one question at a time; a
     /// dropped future stops the work at the next tile. `call` says whose times these are.
-    pub async fn render(&self, question: ImageQuestion, call: Call) -> Result<ImageReply> {
+    pub async fn render(&self, mut question: ImageQuestion, call: Call) -> Result<ImageReply> {
         let started = Instant::now();
         let Published { view, framed_at, .. } = self.map(&question.map_id)?.published();
         question.check(self.max_pixels)?;
@@ -176,7 +171,8 @@ impl Service {
         let age = framed_at.map(|at| started.saturating_duration_since(at));
         demand((question.min_epoch, question.max_age), (epoch, age))?;
         let (width, height) = (question.camera.intrinsics.width, question.camera.intrinsics.height);
-        let (images, queued) = self.studio.draw(view, question).await?;
+        let text = self.words.text(&view, question.text.take()).await?;
+        let (images, queued) = self.studio.draw(view, question, text).await?;
         let spent = started.elapsed();
         self.times.observe(call, queued, spent);
         Ok(ImageReply { images, width, height, epoch, newest_stamp_ns, spent })

@@ -5,7 +5,7 @@ use std::io::BufReader;
 use std::path::Path;
 
 use image::codecs::png::PngDecoder;
-use image::{ColorType, ImageDecoder, ImageError, ImageReader, Limits};
+use image::{ColorType, ExtendedColorType, ImageDecoder, ImageError, ImageReader, Limits};
 
 use crate::error::{Error, Result};
 use crate::frame::{ColorImage, DepthImage, MAX_SIDE};
@@ -28,6 +28,37 @@ pub(super) fn depth(path: &Path, units_per_metre: f32, size: (u32, u32)) -> Resu
     let mut raw = vec![0u16; size.0 as usize * size.1 as usize];
     decoder.read_image(bytemuck::cast_slice_mut(&mut raw)).map_err(|e| broken(path, e))?;
     Ok(DepthImage::from_u16(size.0, size.1, &raw, units_per_metre))
+}
+
+/// An 8- or 16-bit grey PNG as the ids of classes; its size must be `size`. `None` where there is no
+/// file: not every frame need be labelled.
+pub(super) fn labels(path: &Path, size: (u32, u32)) -> Result<Option<Vec<u16>>> {
+    if let Ok(false) = path.try_exists() {
+        return Ok(None);
+    }
+    let decoder = png(path)?;
+    check_size(path, decoder.dimensions(), size)?;
+    let pixels = size.0 as usize * size.1 as usize;
+    // Not the type that pixels are decoded to: fewer bits would be spread over eight.
+    let ids = match decoder.original_color_type() {
+        ExtendedColorType::L8 => {
+            let mut ids = vec![0u8; pixels];
+            decoder.read_image(&mut ids).map_err(|e| broken(path, e))?;
+            ids.into_iter().map(u16::from).collect()
+        }
+        ExtendedColorType::L16 => {
+            let mut ids = vec![0u16; pixels];
+            decoder.read_image(bytemuck::cast_slice_mut(&mut ids)).map_err(|e| broken(path, e))?;
+            ids
+        }
+        other => {
+            return Err(Error::invalid(
+                path.display().to_string(),
+                format!("labels must be 8-bit or 16-bit grey, not {other:?}"),
+            ));
+        }
+    };
+    Ok(Some(ids))
 }
 
 /// A JPEG or PNG as 8-bit RGB; its size must be `size`, for depth and colour share intrinsics.

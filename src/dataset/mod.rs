@@ -7,6 +7,7 @@
 mod ahead;
 mod cameras;
 mod decode;
+mod labels;
 mod noise;
 mod replica;
 mod selection;

@@ -1,15 +1,17 @@
 //! The 7-Scenes layout: `frame-%06d.depth.png` (u16, mm, 0 and 65535 invalid), `.color.jpg|png`
 //! and `.pose.txt` (4×4, camera to world), with one `camera-intrinsics.txt` for the folder.
 //!
+//! Where there is a `labels.json`, it names the classes of `frame-*.label.png` (see `labels`).
+//!
 //! Real recordings have rotations that are orthonormal only to 4e-4; [`Pose::from_matrix`]
 //! projects them.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::{Dataset, FRAME_PERIOD_NS, ROBOT_ID, SENSOR_ID, check_index, decode, text};
+use super::{Dataset, FRAME_PERIOD_NS, ROBOT_ID, SENSOR_ID, check_index, decode, labels, text};
 use crate::error::{Error, Result};
-use crate::frame::Frame;
+use crate::frame::{Class, Frame, LabelImage};
 use crate::geometry::{Intrinsics, Pose};
 
 const DEPTH_SUFFIX: &str = ".depth.png";
@@ -21,6 +23,8 @@ pub(super) struct SevenScenes {
     folder: PathBuf,
     intrinsics: Intrinsics,
     frames: Vec<Entry>,
+    /// None where nothing is labelled.
+    classes: Option<Arc<[Class]>>,
 }
 
 struct Entry {
@@ -60,7 +64,8 @@ impl SevenScenes {
                 Ok(Entry { number, world_from_camera })
             })
             .collect::<Result<Vec<_>>>()?;
-        Ok(Self { name: super::folder_name(folder), folder: folder.into(), intrinsics, frames })
+        let (name, classes) = (super::folder_name(folder), labels::classes(folder)?);
+        Ok(Self { name, folder: folder.into(), intrinsics, frames, classes })
     }
 }
 
@@ -99,6 +104,15 @@ impl Dataset for SevenScenes {
             color: color.transpose()?.flatten(),
             features: None,
         })
+    }
+
+    fn labels(&self, index: usize) -> Result<Option<LabelImage>> {
+        check_index(index, self.len())?;
+        let Some(classes) = &self.classes else { return Ok(None) };
+        let (width, height) = (self.intrinsics.width, self.intrinsics.height);
+        let path = file(&self.folder, self.frames[index].number, labels::SUFFIX);
+        let ids = decode::labels(&path, (width, height))?;
+        Ok(ids.map(|ids| LabelImage { width, height, ids, classes: Arc::clone(classes) }))
     }
 }
 
@@ -224,6 +238,64 @@ mod tests {
             .save(file(folder.path(), 5, ".color.png"))
             .expect("written");
         assert!(load().to_string().contains("4x3"), "{}", load());
+    }
+
+    /// Names the classes of a folder.
+    fn name_classes(folder: &Path, json: &str) {
+        fs::write(folder.join(labels::CLASSES_FILE), json).expect("written");
+    }
+
+    #[test]
+    fn labels_are_read_where_there_are_some() {
+        let folder = recording();
+        let open = || open(folder.path(), Format::Auto).expect("opened");
+        let label = file(folder.path(), 5, labels::SUFFIX);
+        ImageBuffer::from_fn(8, 6, |u, _| Luma([u as u8])).save(&label).expect("written");
+        assert_eq!(open().labels(1).expect("no names"), None);
+        name_classes(folder.path(), r#"{"classes": {"10": "Chair", "2": "Table"}, "by": "hand"}"#);
+        let found = open().labels(1).expect("read").expect("labelled");
+        found.check().expect("good labels");
+        let class = |id, name: &str| Class { id, name: name.into() };
+        assert_eq!(found.classes[..], [class(2, "Table"), class(10, "Chair")]);
+        assert_eq!(found.ids[..9], [0, 1, 2, 3, 4, 5, 6, 7, 0]);
+        assert_eq!(open().labels(0).expect("a frame without labels"), None);
+        assert!(open().labels(2).is_err());
+        ImageBuffer::from_pixel(8, 6, Luma([40_000u16])).save(&label).expect("written");
+        assert_eq!(open().labels(1).expect("read").expect("labelled").ids, [40_000; 48]);
+    }
+
+    #[test]
+    fn wrong_labels_name_their_file() {
+        let folder = recording();
+        for (json, part) in [
+            ("", "classes"),
+            ("{}", "classes"),
+            (r#"{"classes": ["Chair"]}"#, "classes"),
+            (r#"{"classes": {"0": "Chair"}}"#, "no class"),
+            (r#"{"classes": {"65536": "Chair"}}"#, "65536"),
+            (r#"{"classes": {"one": "Chair"}}"#, "one"),
+            (r#"{"classes": {"1": "Chair", "01": "Table"}}"#, "above"),
+            (r#"{"classes": {"1": " "}}"#, "name"),
+        ] {
+            name_classes(folder.path(), json);
+            let error = open_error(folder.path());
+            assert!(error.to_string().contains(labels::CLASSES_FILE), "{json}: {error}");
+            assert!(error.to_string().contains(part) && error.exit_code() == 2, "{json}: {error}");
+        }
+        name_classes(folder.path(), r#"{"classes": {"1": "Chair"}}"#);
+        let label = file(folder.path(), 0, labels::SUFFIX);
+        let refused = |part: &str| {
+            let data = open(folder.path(), Format::Auto).expect("opened");
+            let error = data.labels(0).expect_err(part);
+            assert!(error.to_string().contains("frame-000000.label.png"), "{error}");
+            assert!(error.to_string().contains(part) && error.exit_code() == 2, "{error}");
+        };
+        ImageBuffer::<Luma<u8>, _>::new(6, 8).save(&label).expect("written");
+        refused("6x8");
+        ImageBuffer::<Rgb<u8>, _>::new(8, 6).save(&label).expect("written");
+        refused("grey");
+        fs::write(&label, "no image").expect("written");
+        refused("damaged");
     }
 
     #[test]

@@ -27,6 +27,7 @@ pub use picture::{Encoding, Output};
 pub use query::{Fields, PointAnswers, State};
 pub use render::{
     Camera, Channels, MAX_SIDE, RenderSettings, Renderer, Rendering, SamplePosition, render,
+    render_with,
 };
 pub use robots::Robots;
 pub use slice::{Plane, Slice, draw_slice, slice};

@@ -143,6 +143,18 @@ impl Words {
         view.scorer(&prompts, &negatives).map_err(|error| names.rename(error))
     }
 
+    /// The same for the text of a question about points or for an image, if it has one.
+    pub(super) async fn text(
+        &self,
+        view: &MapView,
+        text: Option<Sought>,
+    ) -> Result<Option<Scorer>> {
+        match text {
+            Some(text) => self.scorer(view, text, Names::of("text."), MAX_PROMPTS).await.map(Some),
+            None => Ok(None),
+        }
+    }
+
     async fn embed(
         &self,
         contract: &Contract,

@@ -8,7 +8,9 @@ use orenx::dataset::Dataset;
 use orenx::dataset::synthetic::Synthetic;
 use orenx::dataset::synthetic::moved_box::{AFTER, BEFORE, EDGE_M};
 use orenx::frame::{Contract, FeatureImage, Frame, NO_FEATURE};
-use orenx::map::{FindSettings, MapView, Mapper, Match};
+use orenx::map::{
+    Camera, Channels, FindSettings, MapView, Mapper, Match, RenderSettings, query_pool, render_with,
+};
 use orenx::storage;
 
 use super::lite;
@@ -95,14 +97,30 @@ fn a_text_finds_its_thing_and_its_places() {
     let own = camera.transform(thing.centroid.as_dvec3());
     assert!(own.z > 0.3 && own.truncate().length() < own.z, "{own}");
 
+    let camera =
+        Camera { world_from_camera: thing.best_view.unwrap(), intrinsics: data.intrinsics() };
+    let text = view.scorer(&[direction(1)], &[direction(0), direction(2)]).unwrap();
+    let channels = Channels { heat: true, ..Channels::NONE };
+    let settings = RenderSettings::default();
+    let pool = query_pool(1).unwrap();
+    let heat = render_with(&view, &camera, channels, &settings, Some(&text), &pool, &|| false);
+    let heat = heat.unwrap();
+    assert!(heat.depth_m.is_empty() && heat.color.is_empty());
+    let hot = heat.heat.iter().filter(|score| **score > 0.6).count();
+    assert!((500..heat.heat.len() / 3).contains(&hot), "{hot} of {}", heat.heat.len());
+
     let (points, classes) = seen(&frame(&data, 9, BEFORE), BEFORE);
+    let scores = view.text_scores(&points, &text);
+    let hot =
+        classes.iter().zip(&scores).filter(|(class, score)| (**class == 1) == (**score > 0.5));
+    assert!(hot.count() * 100 > points.len() * 95);
     let all = view.scorer(&[direction(0), direction(1), direction(2)], &[]).unwrap();
-    let (found, scores) = view.classify(&points, &all);
+    let (found, cosine) = view.classify(&points, &all);
     let right = found.iter().zip(&classes).filter(|(a, b)| a == b).count();
     assert!(right * 100 > points.len() * 95, "{right} of {}", points.len());
     let cosines = view.class_scores(&points, &all);
     for (i, class) in found.iter().enumerate().filter(|(_, class)| **class >= 0) {
-        assert_eq!(scores[i], cosines[3 * i + *class as usize]);
+        assert_eq!(cosine[i], cosines[3 * i + *class as usize]);
     }
     let decoded = view.features(&points[..1]);
     let truth = direction(classes[0] as usize);

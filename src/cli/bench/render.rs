@@ -64,10 +64,8 @@ const TIME: Target = Target::at_most(150.0);
 const ALIKE: Target = Target::at_least(35.0);
 const DEPTH: Target = Target::at_most(0.006).aiming_at(0.0035);
 /// What is timed.
-const TIMED: [Channels; 2] = [
-    Channels { color: true, depth: true, normal: false, opacity: false, unknown: false },
-    Channels::ALL,
-];
+const TIMED: [Channels; 2] =
+    [Channels { color: true, depth: true, ..Channels::NONE }, Channels::ALL];
 
 /// A view of the room as it is.
 struct Truth {

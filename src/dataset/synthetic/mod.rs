@@ -1,10 +1,11 @@
 //! Procedural scenes with closed-form distance: for the demo, tests and benchmarks.
 //!
-//! [`open`] knows `room`, `corridor`, `moved-box` and `removed-box`, with options after a colon:
+//! [`open`] knows `room`, `house`, `corridor`, `moved-box` and `removed-box`, with options after a colon:
 //! `room:frames=300,width=320`, `corridor:length=100,step=0.2,range=5`, `moved-box:at=60`.
 
 mod bvh;
 pub mod corridor;
+pub mod house;
 pub mod moved_box;
 mod render;
 pub mod room;
@@ -17,7 +18,7 @@ use std::sync::Arc;
 
 use super::{Dataset, FRAME_PERIOD_NS, ROBOT_ID, SENSOR_ID, check_index};
 use crate::error::{Error, Result};
-use crate::frame::{Frame, MAX_DEPTH_M, MAX_SIDE};
+use crate::frame::{Frame, LabelImage, MAX_DEPTH_M, MAX_SIDE};
 use crate::geometry::{Intrinsics, Pose};
 
 pub use render::Renderer;
@@ -48,6 +49,8 @@ pub struct Synthetic {
 enum Path {
     /// A loop that takes as many frames as there are.
     Room,
+    /// The same through all rooms.
+    House,
     Corridor {
         step_m: f64,
     },
@@ -59,6 +62,11 @@ impl Synthetic {
     /// The furnished room, walked through once in `frames` frames.
     pub fn room(frames: usize) -> Self {
         Self::new("synthetic:room", vec![(0, room::scene())], Path::Room, frames)
+    }
+
+    /// The house of three rooms and many classes, walked through once in `frames` frames.
+    pub fn house(frames: usize) -> Self {
+        Self::new("synthetic:house", vec![(0, house::scene())], Path::House, frames)
     }
 
     /// A corridor of `length_m`, walked along in steps of `step_m`.
@@ -128,6 +136,7 @@ impl Synthetic {
     pub fn pose(&self, index: usize) -> Pose {
         match self.path {
             Path::Room => room::walk(index as f64 / self.frames as f64),
+            Path::House => house::walk(index as f64 / self.frames as f64),
             Path::Corridor { step_m } => corridor::walk(index, step_m),
             Path::Sway => moved_box::sway(index),
         }
@@ -168,6 +177,12 @@ impl Dataset for Synthetic {
             features: None,
         })
     }
+
+    fn labels(&self, index: usize) -> Result<Option<LabelImage>> {
+        check_index(index, self.frames)?;
+        let (scene, pose) = (self.scene(index), self.pose(index));
+        Ok(Some(self.renderer.labels(scene, &self.intrinsics, &pose, self.range_m)))
+    }
 }
 
 /// A camera 62° wide, as common RGB-D cameras are.
@@ -187,6 +202,7 @@ pub fn open(spec: &str) -> Result<Synthetic> {
     let range_m = options.take("range", f64::from(MAX_DEPTH_M), 0.1, f64::from(MAX_DEPTH_M))?;
     let sequence = match name {
         "room" => Synthetic::room(frames),
+        "house" => Synthetic::house(frames),
         "corridor" => {
             let length_m = options.take("length", 30.0, 4.0, f64::from(MAX_LENGTH_M))? as f32;
             let step_m = options.take("step", 0.1, 0.01, 10.0)?;
@@ -204,8 +220,8 @@ pub fn open(spec: &str) -> Result<Synthetic> {
             return Err(Error::invalid(
                 "dataset",
                 format!(
-                    "unknown synthetic scene '{name}'; there are room, corridor, moved-box, \
-                     removed-box"
+                    "unknown synthetic scene '{name}'; there are room, house, corridor, \
+                     moved-box, removed-box"
                 ),
             ));
         }
@@ -260,7 +276,7 @@ mod tests {
 
     #[test]
     fn every_hit_of_every_scene_lies_on_a_surface() {
-        for spec in ["room:width=80", "corridor:width=80", "moved-box:width=80"] {
+        for spec in ["room:width=80", "house:width=80", "corridor:width=80", "moved-box:width=80"] {
             let data = open(spec).expect("opened");
             for index in (0..data.len()).step_by(41) {
                 let frame = data.load(index, false).expect("loaded");

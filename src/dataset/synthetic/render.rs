@@ -1,9 +1,11 @@
-//! Depth and shaded colour of a scene, by casting a ray through every pixel centre.
+//! Depth, shaded colour and classes of a scene, by casting a ray through every pixel centre.
+
+use std::sync::Arc;
 
 use glam::Vec3;
 
 use super::scene::{Beam, Hit, Scene};
-use crate::frame::{ColorImage, DepthImage};
+use crate::frame::{ColorImage, DepthImage, LabelImage};
 use crate::geometry::{Intrinsics, Pose};
 
 /// Steps of the table that turns linear light into 8-bit sRGB.
@@ -56,6 +58,17 @@ impl Renderer {
         cut(&mut metres, range_m);
         let color = ColorImage { width: k.width, height: k.height, rgb };
         (DepthImage::from_metres(k.width, k.height, metres), color)
+    }
+
+    /// The class of every pixel; none beyond `range_m`.
+    pub fn labels(&self, scene: &Scene, k: &Intrinsics, pose: &Pose, range_m: f32) -> LabelImage {
+        let mut ids = vec![0; k.pixels()];
+        each_ray(scene, k, pose, |pixel, ray| {
+            let seen = ray.hit.filter(|hit| hit.t <= range_m);
+            ids[pixel] = seen.map_or(0, |hit| scene.class_id(hit.object));
+        });
+        let classes = Arc::clone(scene.classes());
+        LabelImage { width: k.width, height: k.height, ids, classes }
     }
 }
 

@@ -64,7 +64,7 @@ fn sitting_corner(room: &mut SceneBuilder) {
 
 fn sofa(room: &mut SceneBuilder) {
     let green = [0.12, 0.3, 0.24];
-    room.object("sofa", "sofa", green, Texture::Speckles { size: 0.03 })
+    room.object("sofa", "couch", green, Texture::Speckles { size: 0.03 })
         .block([-0.4, -1.82, 0.2], [1.9, 0.82, 0.44], 0.0)
         .block([-0.4, -2.13, 0.4], [1.9, 0.3, 0.86], 0.0)
         .block([-1.4, -1.82, 0.28], [0.18, 0.84, 0.64], 0.0)

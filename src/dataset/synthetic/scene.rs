@@ -1,10 +1,13 @@
 //! A scene: one room shell and the solids in it, each a part of a named object.
 
+use std::sync::Arc;
+
 use glam::{Mat3, Quat, Vec3};
 
 use super::bvh::Bvh;
 use super::solid::{Nearest, Shape, Solid, nearest_box};
 use super::texture::Texture;
+use crate::frame::Class;
 use crate::geometry::Aabb;
 
 /// A thing with a name, a class that a labelling would use, and a look.
@@ -28,6 +31,10 @@ pub struct Scene {
     /// The inner faces of floor, walls and ceiling, world metres.
     room: Aabb,
     objects: Vec<Object>,
+    /// The classes of the objects, in the order of their first objects, ids from 1 on.
+    classes: Arc<[Class]>,
+    /// For each object, the id of its class.
+    class_ids: Vec<u16>,
     solids: Vec<Solid>,
     tree: Bvh,
 }
@@ -55,6 +62,16 @@ impl Scene {
     /// The objects; the first three are floor, ceiling and walls.
     pub fn objects(&self) -> &[Object] {
         &self.objects
+    }
+
+    /// The classes that occur, sorted by id.
+    pub fn classes(&self) -> &Arc<[Class]> {
+        &self.classes
+    }
+
+    /// The id of an object's class.
+    pub fn class_id(&self, object: u16) -> u16 {
+        self.class_ids[usize::from(object)]
     }
 
     /// The inner faces of floor, walls and ceiling, world metres.
@@ -263,8 +280,26 @@ impl SceneBuilder {
     /// The finished scene.
     pub fn build(self) -> Scene {
         let tree = Bvh::new(&self.solids);
-        Scene { room: self.room, objects: self.objects, solids: self.solids, tree }
+        let (classes, class_ids) = classes(&self.objects);
+        let Self { room, objects, solids } = self;
+        Scene { room, objects, classes, class_ids, solids, tree }
     }
+}
+
+/// The classes of objects, and for each object the id of its class.
+fn classes(objects: &[Object]) -> (Arc<[Class]>, Vec<u16>) {
+    let mut names: Vec<&str> = Vec::new();
+    let mut ids = Vec::with_capacity(objects.len());
+    for object in objects {
+        let place = names.iter().position(|name| *name == object.class).unwrap_or(names.len());
+        if place == names.len() {
+            names.push(object.class);
+        }
+        ids.push(place as u16 + 1);
+    }
+    let class =
+        |(place, name): (usize, &&str)| Class { id: place as u16 + 1, name: (*name).into() };
+    (names.iter().enumerate().map(class).collect(), ids)
 }
 
 /// Centre, half length and the rotation that takes z to the direction from `a` to `b`.

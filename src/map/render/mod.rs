@@ -7,6 +7,7 @@
 //! room.
 
 mod camera;
+mod heat;
 mod near;
 mod patch;
 mod ray;
@@ -20,6 +21,7 @@ use rayon::ThreadPool;
 use serde::{Deserialize, Serialize};
 
 use self::camera::Rays;
+use super::language::Scorer;
 use super::view::MapView;
 use crate::error::{Error, Result};
 
@@ -81,11 +83,22 @@ pub struct Channels {
     pub normal: bool,
     pub opacity: bool,
     pub unknown: bool,
+    /// Where a question comes with a text.
+    pub heat: bool,
 }
 
 impl Channels {
+    pub const NONE: Self = Self {
+        color: false,
+        depth: false,
+        normal: false,
+        opacity: false,
+        unknown: false,
+        heat: false,
+    };
+    /// All that needs no text.
     pub const ALL: Self =
-        Self { color: true, depth: true, normal: true, opacity: true, unknown: true };
+        Self { color: true, depth: true, normal: true, opacity: true, unknown: true, heat: false };
 }
 
 /// What an image is made of; each is row-major, as long as the image has pixels, or empty where it
@@ -104,6 +117,9 @@ pub struct Rendering {
     pub opacity: Vec<f32>,
     /// 1 where the ray left observed space before it met a surface, or met none.
     pub unknown: Vec<u8>,
+    /// How well the text fits ([`MapView::text_scores`]); NaN where there is no surface, or none that
+    /// was seen with features.
+    pub heat: Vec<f32>,
 }
 
 /// What every tile of an image is drawn from.
@@ -124,9 +140,32 @@ pub fn render(
     pool: &ThreadPool,
     interrupted: &(dyn Fn() -> bool + Sync),
 ) -> Option<Rendering> {
-    let job = Job { view, rays: camera.rays(), channels, settings: *settings };
-    match settings.renderer {
+    render_with(view, camera, channels, settings, None, pool, interrupted)
+}
+
+/// [`render`] with a text, made by [`MapView::scorer`] of this view.
+pub fn render_with(
+    view: &MapView,
+    camera: &Camera,
+    channels: Channels,
+    settings: &RenderSettings,
+    text: Option<&Scorer>,
+    pool: &ThreadPool,
+    interrupted: &(dyn Fn() -> bool + Sync),
+) -> Option<Rendering> {
+    let text = text.filter(|_| channels.heat);
+    // Heat is that of the surface.
+    let drawn = Channels { depth: channels.depth || text.is_some(), ..channels };
+    let job = Job { view, rays: camera.rays(), channels: drawn, settings: *settings };
+    let mut rendering = match settings.renderer {
         Renderer::Tile => tile::draw(&job, pool, interrupted),
         Renderer::Ray => patch::assemble(&job, pool, interrupted, &|area| ray::draw(&job, area)),
+    }?;
+    if let Some(text) = text {
+        rendering.heat = heat::scores(&job, &rendering.depth_m, text, pool, interrupted)?;
     }
+    if !channels.depth {
+        rendering.depth_m = Vec::new();
+    }
+    Some(rendering)
 }

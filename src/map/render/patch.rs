@@ -148,6 +148,7 @@ pub(super) fn assemble(
         normal: paste(pixels, &areas, &patches, |p| &p.normal, place),
         opacity: paste(pixels, &areas, &patches, |p| &p.opacity, place),
         unknown: paste(pixels, &areas, &patches, |p| &p.unknown, place),
+        heat: Vec::new(),
     })
 }
 

@@ -243,6 +243,7 @@ fn images_of_any_size_and_of_nothing_are_drawn() {
                 normal: vec![Vec3::ZERO; n],
                 opacity: vec![0.0; n],
                 unknown: vec![1; n],
+                ..Rendering::default()
             };
             assert_eq!(image, nothing, "{renderer:?}");
         }

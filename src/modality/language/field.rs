@@ -160,7 +160,7 @@ impl LanguageField {
             (None, Some(given)) if given.dimension() != contract.dimension => {
                 let atoms = given.dimension();
                 let problem = format!("{} numbers, but atoms have {atoms}", contract.dimension);
-                Err(Error::frame(Fault::Encoder, "features.dimension", problem))
+                Err(Error::invalid("features.dimension", problem))
             }
             (None, Some(_)) => Ok(()),
             (None, None) => self.begin(contract.dimension).map(drop),

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::body::{Most, Parts, Received, Share, receive};
+use super::found::TextAnswer;
 use super::media::Media;
 use super::openapi::{self, MapRefusals, PointRefusals};
 use super::options::check_integer;
@@ -23,9 +24,8 @@ use super::refusal::Refusal;
 use super::{Edge, JSON, MapId, json, schemas};
 use crate::error::Error;
 use crate::frame::Contract;
-use crate::geometry::{Aabb, Pose};
-use crate::map::Match;
-use crate::service::{Call, ClassifyQuestion, FindQuestion, FindReply, Sought};
+use crate::geometry::Aabb;
+use crate::service::{Call, ClassifyQuestion, FindQuestion, Sought};
 
 /// The largest body of words, and of embeddings: 128 of 4096 numbers.
 const WORDS_BYTES: usize = 1 << 20;
@@ -124,61 +124,6 @@ struct Region {
     min: Vec3,
     #[schema(schema_with = schemas::corner)]
     max: Vec3,
-}
-
-#[derive(Debug, Serialize, ToSchema)]
-pub(super) struct TextAnswer {
-    /// Best first.
-    matches: Vec<Found>,
-    /// The encoder of the map.
-    encoder_id: String,
-    /// The epoch that answered.
-    epoch: u64,
-    /// The capture time of its newest frame, Unix ns.
-    newest_stamp_ns: i64,
-    /// Time spent in the server, microseconds.
-    server_us: u64,
-}
-
-/// A thing: places that score well and hang together.
-#[derive(Debug, Serialize, ToSchema)]
-struct Found {
-    /// Its place in this answer, from 0.
-    id: u32,
-    /// The mean of the better half of its places.
-    score: f32,
-    #[schema(schema_with = schemas::triple)]
-    centroid_m: Vec3,
-    obb: Obb,
-    /// Sides of the box along the world's axes.
-    #[schema(schema_with = schemas::triple)]
-    extent_m: Vec3,
-    /// Places (vertices of codes) that it has.
-    voxels: u32,
-    /// The camera that showed it best, of those that the map remembers; null if none did.
-    #[schema(required = true)]
-    best_view: Option<View>,
-}
-
-/// A box that stands upright and is turned about the vertical.
-#[derive(Debug, Serialize, ToSchema)]
-struct Obb {
-    #[schema(schema_with = schemas::triple)]
-    center_m: Vec3,
-    /// World from box: x, y, z, w of a unit quaternion.
-    #[schema(schema_with = schemas::rotation)]
-    rotation: [f32; 4],
-    #[schema(schema_with = schemas::triple)]
-    half_size_m: Vec3,
-}
-
-/// p_world = rotation · p_camera + translation; camera axes are optical.
-#[derive(Debug, Serialize, ToSchema)]
-struct View {
-    #[schema(schema_with = schemas::translation)]
-    translation: [f64; 3],
-    #[schema(schema_with = schemas::rotation)]
-    rotation: [f64; 4],
 }
 
 /// Points, and classes by name or as embeddings of the map's encoder.
@@ -399,15 +344,8 @@ async fn answer(
     call: Call,
     share: Share,
 ) -> Result<Response, Refusal> {
-    let reply: FindReply = edge.service()?.find(question, call).await?;
-    let answer = TextAnswer {
-        matches: reply.matches.iter().map(Found::from).collect(),
-        encoder_id: reply.encoder_id,
-        epoch: reply.epoch,
-        newest_stamp_ns: reply.newest_stamp_ns,
-        server_us: reply.spent.as_micros() as u64,
-    };
-    write(answer, 0, share).await
+    let reply = edge.service()?.find(question, call).await?;
+    write(TextAnswer::from(reply), 0, share).await
 }
 
 async fn write(
@@ -421,26 +359,4 @@ async fn write(
     });
     let body = Body::new(Parts::new(vec![Bytes::from(body.await?)], share));
     Ok(([(header::CONTENT_TYPE, JSON)], body).into_response())
-}
-
-impl From<&Match> for Found {
-    fn from(found: &Match) -> Self {
-        let view = |pose: &Pose| View {
-            translation: pose.translation.to_array(),
-            rotation: pose.rotation.to_array(),
-        };
-        Self {
-            id: found.id,
-            score: found.score,
-            centroid_m: found.centroid,
-            obb: Obb {
-                center_m: found.obb.center,
-                rotation: found.obb.rotation.to_array(),
-                half_size_m: found.obb.half_size,
-            },
-            extent_m: found.extent,
-            voxels: found.voxels,
-            best_view: found.best_view.as_ref().map(view),
-        }
-    }
 }

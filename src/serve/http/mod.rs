@@ -2,6 +2,7 @@
 //! document that describes them.
 
 mod body;
+mod found;
 mod guard;
 mod images;
 mod language;

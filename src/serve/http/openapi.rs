@@ -54,15 +54,23 @@ pub(super) fn document(limits: &Limits) -> Bytes {
         }
     }
     if let Some(request) = document.pointer_mut("/components/schemas/PointsRequest") {
-        // A distance for unknown points needs a policy that uses it.
-        request["if"] = json!({
-            "required": ["unknown_distance_m"],
-            "properties": { "unknown_distance_m": { "type": "number" } }
-        });
-        request["then"] = json!({
-            "required": ["unknown_policy"],
-            "properties": { "unknown_policy": { "enum": ["free", "occupied"] } }
-        });
+        // A distance for unknown points needs a policy that uses it, and a text score a text.
+        request["allOf"] = json!([{
+            "if": {
+                "required": ["unknown_distance_m"],
+                "properties": { "unknown_distance_m": { "type": "number" } }
+            },
+            "then": {
+                "required": ["unknown_policy"],
+                "properties": { "unknown_policy": { "enum": ["free", "occupied"] } }
+            }
+        }, {
+            "if": {
+                "required": ["fields"],
+                "properties": { "fields": { "type": "array", "contains": { "const": "text_score" } } }
+            },
+            "then": { "required": ["text"], "properties": { "text": { "type": "object" } } }
+        }]);
     }
     Bytes::from(document.to_string())
 }
