@@ -62,6 +62,8 @@ pub enum Fault {
     TooOld,
     /// The sequence number does not grow.
     OutOfOrder,
+    /// Features of another encoder than the map's, or labels and nothing that could embed their names.
+    Encoder,
 }
 
 /// The library's result.

@@ -5,17 +5,20 @@
 
 mod counters;
 mod image;
+mod language;
 mod maps;
 mod question;
 mod readers;
 mod studio;
+mod tasks;
 mod times;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use crate::config::{MapConfig, ServerConfig};
+use crate::encoder::TextEncoder;
 use crate::engine::{
     Emptied, Engine, EngineSettings, FrameSink, Handle, Published, Queue, QueuePolicy, Reason,
     Session, Verdict, persist,
@@ -36,6 +39,7 @@ pub use question::{
 };
 use readers::Readers;
 use studio::Studio;
+use tasks::PointsTask;
 use times::Times;
 pub use times::{Call, CallTimes};
 
@@ -51,6 +55,7 @@ pub struct Service {
     studio: Studio,
     counters: Arc<Counters>,
     times: Times,
+    encoder: Option<Arc<TextEncoder>>,
     max_points: usize,
     max_pixels: usize,
 }
@@ -59,6 +64,7 @@ impl Service {
     /// Loads or creates the map and starts its thread and the readers. The caller keeps the
     /// [`Engine`]: it ends the thread and says whether the map was saved.
     pub fn start(config: &ServerConfig, map: MapConfig) -> Result<(Arc<Self>, Engine)> {
+        let encoder = TextEncoder::open(&config.encoder)?.map(Arc::new);
         let store = config.storage.as_deref().map(prepare_storage).transpose()?;
         let mut mapper = match &store {
             Some(path) => persist::load(path, map)?,
@@ -82,6 +88,7 @@ impl Service {
             studio: Studio::start(config.query_threads)?,
             counters: Arc::default(),
             times: Times::default(),
+            encoder,
             max_points: config.max_points,
             max_pixels: config.max_pixels,
         };
@@ -112,6 +119,7 @@ impl Service {
         let sink = Counted::receive(&self.counters, sink, arrived);
         let checked = self.map(map_id).and_then(|mapper| {
             frame.check()?;
+            self.check_contract(&frame)?;
             Ok(mapper)
         });
         match checked {
@@ -137,11 +145,8 @@ impl Service {
         demand((question.min_epoch, question.max_age), (epoch, age))?;
         let fill = question.unknown.fill(view.config().max_distance_m);
         let PointsQuestion { points, fields, .. } = question;
-        let (answers, queued) = if points.len() <= readers::IN_PLACE {
-            (readers::evaluate(&view, &points, fields, fill)?, Duration::ZERO)
-        } else {
-            self.readers.query(view, points, fields, fill).await?
-        };
+        let task = PointsTask { view, points, fields, fill };
+        let (answers, queued) = self.readers.answer(task).await?;
         let spent = started.elapsed();
         self.times.observe(call, queued, spent);
         Ok(PointsReply { answers, epoch, newest_stamp_ns, spent })

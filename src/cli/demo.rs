@@ -153,7 +153,7 @@ async fn drive(
         window: WINDOW,
     };
     let frames = room.len();
-    let source = load_ahead(room, 0..frames, |frame| {
+    let source = load_ahead(room, 0..frames, false, |frame| {
         frame.robot_id = "demo".into();
         frame.stamp_ns = now_ns();
     })?;

@@ -34,6 +34,9 @@ pub struct StreamArgs {
     /// Every N-th frame
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub stride: usize,
+    /// Send the classes of each frame too, where the recording has them; the server embeds their names
+    #[arg(long)]
+    pub labels: bool,
     /// How the recording is laid out
     #[arg(long, value_enum, default_value = "auto")]
     pub format: Format,
@@ -63,7 +66,7 @@ impl StreamArgs {
             window: WINDOW,
         };
         let name = dataset.name().to_owned();
-        let frames = load_ahead(dataset, indices.into_iter(), |_| {})?;
+        let frames = load_ahead(dataset, indices.into_iter(), self.labels, |_| {})?;
         let report = send(&client, pace, frames, |report| {
             bar.set_position(report.settled);
             bar.set_message(format!("{:.1} frames/s", report.frames_per_second()));

@@ -32,7 +32,7 @@ use crate::wire::{
 pub use http::HttpClient;
 pub use images::camera_json;
 pub use questioner::Questioner;
-pub use stream::{Pace, StreamReport, load_ahead, send};
+pub use stream::{Outgoing, Pace, StreamReport, load_ahead, send};
 
 /// How long a connection may take to be made.
 const CONNECT: Duration = Duration::from_secs(10);

@@ -10,11 +10,11 @@ use tokio::time::MissedTickBehavior;
 use tokio_stream::wrappers::ReceiverStream;
 
 use super::Client;
-use crate::dataset::{Dataset, Loaded, load_each};
+use crate::dataset::Dataset;
 use crate::engine::QueuePolicy;
 use crate::error::{Error, Result};
-use crate::frame::Frame;
-use crate::wire::{frame_to_wire, v1};
+use crate::frame::{Frame, LabelImage};
+use crate::wire::{labelled_frame_to_wire, v1};
 
 /// How frames are sent.
 #[derive(Debug, Clone)]
@@ -69,12 +69,24 @@ impl StreamReport {
     }
 }
 
+/// A frame to send, and the classes that it shows where they are sent too.
+pub struct Outgoing {
+    pub frame: Frame,
+    pub labels: Option<LabelImage>,
+}
+
+impl From<Frame> for Outgoing {
+    fn from(frame: Frame) -> Self {
+        Self { frame, labels: None }
+    }
+}
+
 /// Sends the frames of `source` until it ends and every frame has its verdict; `progress` sees the
 /// report after each. Fails if a frame cannot be loaded or the server ends the stream.
 pub async fn send(
     client: &Client,
     pace: Pace,
-    mut source: mpsc::Receiver<Result<Frame>>,
+    mut source: mpsc::Receiver<Result<Outgoing>>,
     mut progress: impl FnMut(&StreamReport),
 ) -> Result<StreamReport> {
     let started = Instant::now();
@@ -89,8 +101,8 @@ pub async fn send(
                 clock.set_missed_tick_behavior(MissedTickBehavior::Delay);
             }
             let mut sent = 0u64;
-            while let Some(frame) = source.recv().await {
-                let frame = frame?;
+            while let Some(next) = source.recv().await {
+                let Outgoing { frame, labels } = next?;
                 if let Some(clock) = &mut clock {
                     clock.tick().await;
                 }
@@ -98,7 +110,9 @@ pub async fn send(
                 // receiving side has ended and says why.
                 let Ok(permit) = room.acquire().await else { break };
                 permit.forget();
-                if out.send(frame_to_wire(&pace.map_id, &frame, pace.policy)).await.is_err() {
+                let labels = labels.as_ref();
+                let message = labelled_frame_to_wire(&pace.map_id, &frame, labels, pace.policy);
+                if out.send(message).await.is_err() {
                     break;
                 }
                 sent += 1;
@@ -134,24 +148,30 @@ pub async fn send(
     Ok(report)
 }
 
-/// Loads the frames `indices` of a dataset on a thread of their own, a few ahead of their use.
-/// `prepare` has the last word on each.
+/// Loads the frames `indices` of a dataset on a thread of their own, a few ahead of their use, with
+/// their labels if they are wanted. `prepare` has the last word on each.
 pub fn load_ahead(
     dataset: Arc<dyn Dataset>,
     indices: impl Iterator<Item = usize> + Send + 'static,
+    with_labels: bool,
     mut prepare: impl FnMut(&mut Frame) + Send + 'static,
-) -> Result<mpsc::Receiver<Result<Frame>>> {
+) -> Result<mpsc::Receiver<Result<Outgoing>>> {
     const AHEAD: usize = 2;
     let (loaded, frames) = mpsc::channel(AHEAD);
     std::thread::Builder::new()
         .name("orenx-load".into())
         .spawn(move || {
-            let prepare = |_, frame: &mut Frame| {
-                prepare(frame);
-                Ok(())
-            };
-            let deliver = |next: Loaded| loaded.blocking_send(next.frame).is_ok();
-            load_each(dataset.as_ref(), indices, true, prepare, deliver);
+            for index in indices {
+                let next = dataset.load(index, true).and_then(|mut frame| {
+                    prepare(&mut frame);
+                    let labels = if with_labels { dataset.labels(index)? } else { None };
+                    Ok(Outgoing { frame, labels })
+                });
+                let failed = next.is_err();
+                if loaded.blocking_send(next).is_err() || failed {
+                    return;
+                }
+            }
         })
         .map_err(|e| Error::Internal(format!("the loading thread did not start: {e}")))?;
     Ok(frames)

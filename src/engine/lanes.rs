@@ -8,7 +8,7 @@ use super::EngineSettings;
 use super::order::{Newest, Session};
 use super::verdict::{Queue, Reason, Ticket, Verdict};
 use crate::error::Error;
-use crate::frame::Frame;
+use crate::frame::{FeatureImage, Frame};
 
 /// What happens when a lane is full.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -32,7 +32,8 @@ pub(super) struct Job {
 impl Job {
     fn bytes(&self) -> usize {
         let color = self.frame.color.as_ref().map_or(0, |c| c.rgb.len());
-        self.frame.depth.metres.len() * size_of::<f32>() + color
+        let features = self.frame.features.as_ref().map_or(0, FeatureImage::bytes);
+        self.frame.depth.metres.len() * size_of::<f32>() + color + features
     }
 }
 

@@ -32,11 +32,12 @@ pub enum Reason {
     Intrinsics,
     TooOld,
     OutOfOrder,
+    Encoder,
 }
 
 impl Reason {
     /// Every reason, in the order of their numbers.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         Self::Replaced,
         Self::Stopping,
         Self::Abandoned,
@@ -52,6 +53,7 @@ impl Reason {
         Self::Intrinsics,
         Self::TooOld,
         Self::OutOfOrder,
+        Self::Encoder,
     ];
 
     /// The name in counters and reports.
@@ -72,6 +74,7 @@ impl Reason {
             Self::Intrinsics => "intrinsics",
             Self::TooOld => "too_old",
             Self::OutOfOrder => "out_of_order",
+            Self::Encoder => "encoder",
         }
     }
 
@@ -86,6 +89,7 @@ impl Reason {
                 Fault::Intrinsics => Self::Intrinsics,
                 Fault::TooOld => Self::TooOld,
                 Fault::OutOfOrder => Self::OutOfOrder,
+                Fault::Encoder => Self::Encoder,
             };
         }
         match error.status() {

@@ -105,20 +105,21 @@ impl FrameStream {
     }
 
     /// Brings one frame to its lane or its refusal, unless the stream is over before. Decoding images
-    /// takes milliseconds and must not hold up the answers to others.
+    /// and embedding names take milliseconds and must not hold up the answers to others.
     async fn take(
         &mut self,
         message: v1::Frame,
         sink: Box<AckSink>,
     ) -> ControlFlow<Option<Status>> {
         let arrived = sink.arrived;
-        let decoded = tokio::task::spawn_blocking(|| IncomingFrame::try_from(message)).await;
+        let reader = self.service.clone();
+        let decoded = tokio::task::spawn_blocking(move || read(&reader, message)).await;
         let incoming =
             decoded.unwrap_or_else(|_| Err(Error::Internal("decoding this frame failed".into())));
         let Self { service, session, ending, acks, .. } = self;
         let submitted = async {
             match incoming {
-                Ok(IncomingFrame { map_id, policy, frame }) => {
+                Ok(IncomingFrame { map_id, policy, frame, .. }) => {
                     service.submit_frame(*session, &map_id, frame, policy, sink, arrived).await;
                 }
                 Err(error) => service.refuse_frame(error, sink, arrived),
@@ -135,6 +136,15 @@ impl FrameStream {
             permit.send(Err(status));
         }
     }
+}
+
+/// A frame out of its message, with the features of its labels.
+fn read(service: &Service, message: v1::Frame) -> Result<IncomingFrame, Error> {
+    let mut incoming = IncomingFrame::try_from(message)?;
+    if let Some(labels) = incoming.labels.take() {
+        incoming.frame.features = Some(service.embed_labels(&labels)?);
+    }
+    Ok(incoming)
 }
 
 /// Waits for `work`, or for the end of its stream: with a status, or without one where the client has

@@ -12,6 +12,9 @@ use crate::geometry::Intrinsics;
 /// Integer depth must have at least this many units in a metre, and at most the other.
 const UNITS_PER_METRE: std::ops::RangeInclusive<f32> = 1.0..=1e6;
 
+/// Where the size of depth and color is said.
+const SAYS: &str = "intrinsics say";
+
 /// Refuses sizes that must not be allocated for; everything below trusts `k.pixels()`.
 pub(super) fn check_size(k: &Intrinsics) -> Result<()> {
     let sides = 1..=MAX_SIDE;
@@ -39,6 +42,7 @@ pub(super) fn depth_from_wire(depth: v1::DepthImage, k: &Intrinsics) -> Result<D
             format!("{units} must be within 1..=1000000 (1000 for millimetres)"),
         ));
     }
+    let size = (k.width, k.height);
     match encoding {
         Encoding::Unspecified => Err(Error::invalid(
             "depth.encoding",
@@ -66,13 +70,15 @@ pub(super) fn depth_from_wire(depth: v1::DepthImage, k: &Intrinsics) -> Result<D
             check_unit("depth.data", metres.iter().copied())?;
             Ok(DepthImage::from_metres(k.width, k.height, metres))
         }
-        Encoding::Png16 => match decode("depth.data", &depth.data, image::ImageFormat::Png, k)? {
-            DynamicImage::ImageLuma16(grey) => integer_depth(grey.as_raw(), units, k),
-            other => Err(Error::invalid(
-                "depth.data",
-                format!("PNG16 must be 16-bit grey, is {:?}", other.color()),
-            )),
-        },
+        Encoding::Png16 => {
+            match decode("depth.data", &depth.data, image::ImageFormat::Png, size, SAYS)? {
+                DynamicImage::ImageLuma16(grey) => integer_depth(grey.as_raw(), units, k),
+                other => Err(Error::invalid(
+                    "depth.data",
+                    format!("PNG16 must be 16-bit grey, is {:?}", other.color()),
+                )),
+            }
+        }
     }
 }
 
@@ -99,7 +105,9 @@ pub(super) fn color_from_wire(color: v1::ColorImage, k: &Intrinsics) -> Result<C
         Encoding::Jpeg => image::ImageFormat::Jpeg,
         Encoding::Png => image::ImageFormat::Png,
     };
-    let rgb = decode("color.data", &color.data, format, k)?.into_rgb8().into_raw();
+    let rgb = decode("color.data", &color.data, format, (k.width, k.height), SAYS)?
+        .into_rgb8()
+        .into_raw();
     Ok(ColorImage { width: k.width, height: k.height, rgb })
 }
 
@@ -115,24 +123,22 @@ fn check_len(field: &str, len: usize, k: &Intrinsics, kind: &str, bytes: usize) 
     Ok(())
 }
 
-/// Decodes a compressed image whose header must say the size of the camera, so that a small message
-/// cannot ask for much memory.
-fn decode(
+/// Decodes a compressed image whose header must say the size that is known of it, so that a small
+/// message cannot ask for much memory; `says` is from where.
+pub(super) fn decode(
     field: &str,
     data: &[u8],
     format: image::ImageFormat,
-    k: &Intrinsics,
+    size: (u32, u32),
+    says: &str,
 ) -> Result<DynamicImage> {
     let wrong = |e: image::ImageError| Error::invalid(field, format!("{format:?}: {e}"));
     let decoder =
         image::ImageReader::with_format(Cursor::new(data), format).into_decoder().map_err(wrong)?;
     let (width, height) = decoder.dimensions();
-    if (width, height) != (k.width, k.height) {
-        return Err(Error::frame(
-            Fault::SizeMismatch,
-            field,
-            format!("is {width}x{height}, but intrinsics say {}x{}", k.width, k.height),
-        ));
+    if (width, height) != size {
+        let problem = format!("is {width}x{height}, but {says} {}x{}", size.0, size.1);
+        return Err(Error::frame(Fault::SizeMismatch, field, problem));
     }
     DynamicImage::from_decoder(decoder).map_err(wrong)
 }

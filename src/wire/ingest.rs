@@ -3,14 +3,16 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::features::{features_from_wire, features_to_wire, labels_from_wire, labels_to_wire};
 use super::geometry::{
     intrinsics_from_wire, intrinsics_to_wire, pose_from_wire, pose_to_wire, required,
 };
 use super::image::{check_size, color_from_wire, depth_from_wire};
 use super::v1;
+use super::v1::frame::Meaning;
 use crate::engine::{Queue, QueuePolicy, Reason, Verdict};
 use crate::error::{Error, Result};
-use crate::frame::{Frame, MAX_NAME_BYTES};
+use crate::frame::{Frame, LabelImage, MAX_NAME_BYTES};
 
 /// A frame as it came in. Sizes and encodings are right; the service checks the rest.
 #[derive(Debug)]
@@ -18,6 +20,8 @@ pub struct IncomingFrame {
     pub map_id: String,
     pub policy: QueuePolicy,
     pub frame: Frame,
+    /// Classes whose names are yet to become the features of the frame.
+    pub labels: Option<LabelImage>,
 }
 
 impl TryFrom<v1::Frame> for IncomingFrame {
@@ -40,6 +44,11 @@ impl TryFrom<v1::Frame> for IncomingFrame {
         check_size(&intrinsics)?;
         let depth = depth_from_wire(required("depth", message.depth)?, &intrinsics)?;
         let color = message.color.map(|color| color_from_wire(color, &intrinsics)).transpose()?;
+        let (features, labels) = match message.meaning {
+            None => (None, None),
+            Some(Meaning::Features(features)) => (Some(features_from_wire(features)?), None),
+            Some(Meaning::Labels(labels)) => (None, Some(labels_from_wire(labels, &intrinsics)?)),
+        };
         let frame = Frame {
             robot_id: message.robot_id.into(),
             sensor_id: message.sensor_id.into(),
@@ -49,9 +58,9 @@ impl TryFrom<v1::Frame> for IncomingFrame {
             intrinsics,
             depth,
             color,
-            features: None,
+            features,
         };
-        Ok(Self { map_id: message.map_id, policy, frame })
+        Ok(Self { map_id: message.map_id, policy, frame, labels })
     }
 }
 
@@ -80,7 +89,22 @@ pub fn frame_to_wire(map_id: &str, frame: &Frame, policy: QueuePolicy) -> v1::Fr
             QueuePolicy::Latest => v1::QueuePolicy::Latest.into(),
             QueuePolicy::Block => v1::QueuePolicy::Block.into(),
         },
+        meaning: frame.features.as_ref().map(|f| Meaning::Features(features_to_wire(f))),
     }
+}
+
+/// The same with labels, where there are some, in the place of features.
+pub fn labelled_frame_to_wire(
+    map_id: &str,
+    frame: &Frame,
+    labels: Option<&LabelImage>,
+    policy: QueuePolicy,
+) -> v1::Frame {
+    let mut message = frame_to_wire(map_id, frame, policy);
+    if let Some(labels) = labels {
+        message.meaning = Some(Meaning::Labels(labels_to_wire(labels)));
+    }
+    message
 }
 
 /// Which frame an ack is about, kept while the frame itself is on its way.
@@ -161,6 +185,7 @@ fn reason_to_wire(reason: Reason) -> v1::FrameReason {
         Reason::Intrinsics => v1::FrameReason::Intrinsics,
         Reason::TooOld => v1::FrameReason::TooOld,
         Reason::OutOfOrder => v1::FrameReason::OutOfOrder,
+        Reason::Encoder => v1::FrameReason::Encoder,
     }
 }
 
@@ -174,7 +199,7 @@ mod tests {
     use prost::Message;
 
     use super::*;
-    use crate::frame::{ColorImage, DepthImage};
+    use crate::frame::{Class, ColorImage, Contract, DepthImage, FeatureImage};
     use crate::geometry::{Intrinsics, Pose};
 
     fn intrinsics(width: u32, height: u32) -> Intrinsics {
@@ -351,6 +376,28 @@ mod tests {
         });
         let error = received(&message).expect_err("8 bit").to_string();
         assert!(error.starts_with("depth.data: PNG16 must be 16-bit grey"), "{error}");
+    }
+
+    #[test]
+    fn a_frame_has_features_or_labels() {
+        let contract = Contract { encoder_id: "clip".into(), dimension: 2 };
+        let features = FeatureImage {
+            contract,
+            width: 2,
+            height: 1,
+            index: None,
+            features: vec![1.0, 0.0, 0.5, 0.25],
+        };
+        let frame = Frame { features: Some(features), ..grey_frame() };
+        let message = frame_to_wire("default", &frame, QueuePolicy::Latest);
+        let back = received(&message).expect("good");
+        assert_eq!((back.frame.features, back.labels), (frame.features.clone(), None));
+        let chair = Class { id: 4, name: "chair".into() };
+        let ids = vec![4; 48];
+        let labels = LabelImage { width: 8, height: 6, ids, classes: [chair].into() };
+        let message = labelled_frame_to_wire("default", &frame, Some(&labels), QueuePolicy::Latest);
+        let back = received(&message).expect("good");
+        assert_eq!((back.frame.features, back.labels), (None, Some(labels)));
     }
 
     #[test]

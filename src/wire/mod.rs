@@ -7,6 +7,7 @@
 mod codec;
 mod columns;
 mod ending;
+mod features;
 mod geometry;
 mod image;
 mod ingest;
@@ -21,7 +22,7 @@ pub use columns::{
     columns_to_wire,
 };
 pub use ending::{Deadline, Ending};
-pub use ingest::{FrameSummary, IncomingFrame, ack_to_wire, frame_to_wire};
+pub use ingest::{FrameSummary, IncomingFrame, ack_to_wire, frame_to_wire, labelled_frame_to_wire};
 pub use maps::{
     map_detail_to_wire, map_list_from_wire, map_list_to_wire, map_reset_to_wire,
     map_stats_from_wire, map_stats_to_wire,

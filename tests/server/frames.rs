@@ -24,7 +24,7 @@ async fn a_room_streams_in_and_answers_as_it_is() {
         rate_hz: None,
         window: NonZeroUsize::new(4).unwrap(),
     };
-    let source = load_ahead(room.clone(), 0..FRAMES, |_| {}).unwrap();
+    let source = load_ahead(room.clone(), 0..FRAMES, false, |_| {}).unwrap();
     let report = send(&server.client, pace, source, |_| {}).await.unwrap();
     assert_eq!((report.settled, report.integrated), (FRAMES as u64, FRAMES as u64));
     // An epoch may hold several frames.

@@ -3,6 +3,7 @@
 mod bad_input;
 mod frames;
 pub(crate) mod images;
+mod language;
 mod lifecycle;
 mod maps;
 mod questions;

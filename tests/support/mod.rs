@@ -1,6 +1,7 @@
 //! Recorded data for the tests that want it.
 
 pub(crate) mod command;
+pub(crate) mod encoder;
 
 use std::ffi::OsString;
 use std::path::PathBuf;

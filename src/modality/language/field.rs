@@ -10,7 +10,7 @@ use super::dictionary::{Dictionary, DictionarySettings, DictionaryState};
 use super::features::UnitFeatures;
 use super::kept::KeptCodes;
 use crate::config::{DictionaryKind, LanguageConfig, MapConfig};
-use crate::error::{Error, Result};
+use crate::error::{Error, Fault, Result};
 use crate::frame::{Contract, FeatureImage, Frame, NO_FEATURE};
 use crate::numpy::ArrayReader;
 use crate::octree::{Band, BandScale, Cell, NO_BLOCK};
@@ -154,7 +154,9 @@ impl LanguageField {
         let contract = &features.contract;
         match (&self.learned, &self.given) {
             (Some(learned), _) => match learned.contract.mismatch(contract) {
-                Some(problem) => Err(Error::invalid("features.encoder_id", problem)),
+                Some(problem) => {
+                    Err(Error::frame(Fault::Encoder, "features.encoder_id", problem))
+                }
                 None => Ok(()),
             },
             (None, Some(given)) if given.dimension() != contract.dimension => {

@@ -3,6 +3,7 @@
 use orenx::engine::Reason;
 use orenx::service::DEFAULT_MAP;
 use orenx::wire::v1;
+use orenx::wire::v1::frame::Meaning;
 use orenx::wire::v1::{DepthEncoding, FrameReason, FrameStatus};
 
 use super::super::{good_frame, open_stream, start, verdict};
@@ -45,6 +46,19 @@ fn as_u16(frame: &mut v1::Frame, units_per_metre: f32) {
     depth.data = metres.flat_map(|z| ((z * 1000.0) as u16).to_le_bytes()).collect();
     depth.set_encoding(DepthEncoding::U16);
     depth.units_per_metre = units_per_metre;
+}
+
+/// Two patches of two numbers.
+fn patches() -> v1::FeatureImage {
+    v1::FeatureImage {
+        encoder_id: "clip".into(),
+        height: 1,
+        width: 2,
+        dimension: 2,
+        encoding: v1::FeatureEncoding::F32.into(),
+        data: vec![0; 16],
+        index: Vec::new(),
+    }
 }
 
 const FAULTS: &[Fault] = {
@@ -182,6 +196,52 @@ const FAULTS: &[Fault] = {
             InvalidField,
             "color.encoding",
             "JPEG",
+        ),
+        (
+            "features of no encoder",
+            |f| f.meaning = Some(Meaning::Features(v1::FeatureImage::default())),
+            InvalidField,
+            "features.encoder_id",
+            "1 to 256 bytes",
+        ),
+        (
+            "fewer features than patches",
+            |f| {
+                f.meaning =
+                    Some(Meaning::Features(v1::FeatureImage { data: vec![0; 8], ..patches() }))
+            },
+            SizeMismatch,
+            "features.data",
+            "8 bytes, but the features need 16",
+        ),
+        (
+            "a feature that is no number",
+            |f| {
+                let data = [1.0, 2.0, f32::NAN, 0.0].map(f32::to_le_bytes).concat();
+                f.meaning = Some(Meaning::Features(v1::FeatureImage { data, ..patches() }));
+            },
+            InvalidField,
+            "features.data[2]",
+            "finite",
+        ),
+        (
+            "half an image of labels",
+            |f| {
+                let encoding = v1::LabelEncoding::U8.into();
+                let data = vec![0; 10];
+                f.meaning =
+                    Some(Meaning::Labels(v1::LabelImage { encoding, data, ..Default::default() }));
+            },
+            SizeMismatch,
+            "labels.data",
+            "need 3072",
+        ),
+        (
+            "labels of no kind",
+            |f| f.meaning = Some(Meaning::Labels(v1::LabelImage::default())),
+            InvalidField,
+            "labels.encoding",
+            "U8, U16, PNG",
         ),
     ]
 };

@@ -56,7 +56,7 @@ impl Robot {
             for (seq, frame) in (1..).zip(looped).take_while(goes_on) {
                 let (robot_id, stamp_ns) = (robot_id.clone(), now_ns());
                 let frame = Frame { robot_id, seq, stamp_ns, ..frame.clone() };
-                if out.send(Ok(frame)).await.is_err() {
+                if out.send(Ok(frame.into())).await.is_err() {
                     return;
                 }
             }
