@@ -24,22 +24,26 @@ const WORDS: [(&str, [f32; 8]); 12] = [
 /// A folder with such an encoder, called `words`.
 pub(crate) fn words() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
-    write_words(folder.path());
+    write(folder.path(), &WORDS.map(|(word, row)| (word, row.to_vec())));
     folder
 }
 
-fn write_words(folder: &Path) {
+/// Writes an encoder that has these words and numbers into a new folder.
+pub(crate) fn write(folder: &Path, words: &[(&str, Vec<f32>)]) {
+    std::fs::create_dir_all(folder).unwrap();
+    let dimension = words[0].1.len();
     // Token 0 stands for words that the encoder does not know.
-    let rows = std::iter::once([0.0; 8]).chain(WORDS.map(|(_, row)| row));
+    let rows =
+        std::iter::once(vec![0.0; dimension]).chain(words.iter().map(|(_, row)| row.clone()));
     let data: Vec<u8> = rows.flatten().flat_map(f32::to_le_bytes).collect();
     let header = format!(
-        r#"{{"t":{{"dtype":"F32","shape":[{},8],"data_offsets":[0,{}]}}}}"#,
-        WORDS.len() + 1,
+        r#"{{"t":{{"dtype":"F32","shape":[{},{dimension}],"data_offsets":[0,{}]}}}}"#,
+        words.len() + 1,
         data.len()
     );
     let table = [&(header.len() as u64).to_le_bytes()[..], header.as_bytes(), &data].concat();
     std::fs::write(folder.join("words.safetensors"), table).unwrap();
-    let known = (1..).zip(WORDS).map(|(id, (word, _))| format!(r#", "{word}": {id}"#));
+    let known = (1..).zip(words).map(|(id, (word, _))| format!(r#", "{word}": {id}"#));
     let tokenizer = format!(
         r#"{{"version": "1.0", "truncation": null, "padding": null, "added_tokens": [],
         "normalizer": null, "pre_tokenizer": {{"type": "Whitespace"}}, "decoder": null,

@@ -154,9 +154,7 @@ impl LanguageField {
         let contract = &features.contract;
         match (&self.learned, &self.given) {
             (Some(learned), _) => match learned.contract.mismatch(contract) {
-                Some(problem) => {
-                    Err(Error::frame(Fault::Encoder, "features.encoder_id", problem))
-                }
+                Some(problem) => Err(Error::frame(Fault::Encoder, "features.encoder_id", problem)),
                 None => Ok(()),
             },
             (None, Some(given)) if given.dimension() != contract.dimension => {
