@@ -4,6 +4,7 @@
 //! turn and paired, so that both meet the same machine; any other speed is printed with the
 //! machine and its load.
 
+mod ask;
 mod clock;
 mod corridor;
 mod figure;
@@ -39,8 +40,9 @@ enum Bench {
     Corridor(corridor::CorridorArgs),
     Query(query::QueryBenchArgs),
     Render(render::RenderBenchArgs),
-    Serve(serve::ServeBenchArgs),
+    Ask(ask::AskBenchArgs),
     Language(language::LanguageArgs),
+    Serve(serve::ServeBenchArgs),
 }
 
 impl BenchArgs {
@@ -59,8 +61,9 @@ impl Bench {
             Self::Corridor(_) => "corridor",
             Self::Query(_) => "query",
             Self::Render(_) => "render",
-            Self::Serve(_) => "serve",
+            Self::Ask(_) => "ask",
             Self::Language(_) => "language",
+            Self::Serve(_) => "serve",
         }
     }
 
@@ -71,8 +74,9 @@ impl Bench {
             Self::Corridor(arguments) => arguments.run(out),
             Self::Query(arguments) => arguments.run(out),
             Self::Render(arguments) => arguments.run(out),
-            Self::Serve(arguments) => arguments.run(out),
+            Self::Ask(arguments) => arguments.run(out),
             Self::Language(arguments) => arguments.run(out),
+            Self::Serve(arguments) => arguments.run(out),
         }
     }
 }
@@ -154,7 +158,8 @@ mod tests {
         list(&mut text, false).expect("listed");
         let text = String::from_utf8(text).expect("text");
         let names: Vec<&str> = text.lines().filter_map(|l| l.split_whitespace().next()).collect();
-        assert_eq!(names, ["geometry", "map", "corridor", "query", "render", "serve", "language"]);
+        let all = ["geometry", "map", "corridor", "query", "render", "ask", "language", "serve"];
+        assert_eq!(names, all);
         assert!(text.lines().all(|line| line.len() > 30), "each with what it measures: {text}");
     }
 
@@ -191,6 +196,18 @@ mod tests {
             ["bench render --size 32", "bench render --size 0x9", "bench render --size 9x9x"]
         {
             assert!(parse(line).is_err(), "{line}");
+        }
+    }
+
+    #[test]
+    fn a_small_house_is_asked_for_things() {
+        let objects =
+            objects("bench ask --frames 4 --width 64 --dimension 32 --patches 8 --repeat 2");
+        have_the_shape(&objects, "ask");
+        assert_eq!(values(&objects, "cost_of_language").len(), 1);
+        assert!(values(&objects, "vertices")[0] > 500.0 && values(&objects, "atoms")[0] > 4.0);
+        for measure in ["find", "points_10k", "image_heat"] {
+            assert_eq!(values(&objects, measure).len(), 1, "{measure}");
         }
     }
 
