@@ -3,11 +3,11 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use orenx::dataset::Dataset;
 use orenx::dataset::synthetic::Synthetic;
 use serde_json::Value;
 
 use crate::support::command::{done, refused};
+use crate::support::recording;
 
 const ROOM: &str = "synthetic:room:frames=100,width=320";
 const WIDTH: u32 = 160;
@@ -22,7 +22,8 @@ impl Mapped {
         let few =
             ["map", ROOM, "--out", &map, "--frames", "0..30", "--stride", "2", "--steps", "0"];
         done(&[&few[..], extra].concat());
-        views(&mapped.path("truth/novel"), &[5, 13]);
+        let room = Synthetic::room(100).with_width(WIDTH);
+        recording::write(&room, &mapped.path("truth/novel"), &[5, 13]);
         mapped
     }
 
@@ -32,32 +33,6 @@ impl Mapped {
 
     fn name(&self, name: &str) -> String {
         self.path(name).to_str().unwrap().to_owned()
-    }
-}
-
-/// Frames of the room in the 7-Scenes layout.
-fn views(folder: &Path, frames: &[usize]) {
-    fs::create_dir_all(folder).unwrap();
-    let room = Synthetic::room(100).with_width(WIDTH);
-    let k = room.intrinsics();
-    let matrix = format!("{} 0 {}\n0 {} {}\n0 0 1\n", k.fx, k.cx, k.fy, k.cy);
-    fs::write(folder.join("camera-intrinsics.txt"), matrix).unwrap();
-    for index in frames {
-        let frame = room.load(*index, true).unwrap();
-        let file = |suffix: &str| folder.join(format!("frame-{index:06}.{suffix}"));
-        let mm = frame.depth.metres.iter().map(|z| (z * 1e3).round() as u16).collect();
-        image::ImageBuffer::<image::Luma<u16>, Vec<u16>>::from_raw(k.width, k.height, mm)
-            .unwrap()
-            .save(file("depth.png"))
-            .unwrap();
-        image::RgbImage::from_raw(k.width, k.height, frame.color.unwrap().rgb)
-            .unwrap()
-            .save(file("color.png"))
-            .unwrap();
-        let pose = frame.world_from_camera;
-        let (r, t) = (glam::DMat3::from_quat(pose.rotation), pose.translation);
-        let row = |i: usize| format!("{} {} {} {}\n", r.row(i).x, r.row(i).y, r.row(i).z, t[i]);
-        fs::write(file("pose.txt"), row(0) + &row(1) + &row(2) + "0 0 0 1\n").unwrap();
     }
 }
 
@@ -153,8 +128,9 @@ fn one_place_and_a_circle_are_drawn_with_the_outputs_that_were_asked_for() {
 fn an_ablation_is_a_report_with_plots() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    views(&folder.path().join("data"), &[0, 2, 4, 6, 8]);
-    views(&folder.path().join("data/novel"), &[3, 5]);
+    let room = Synthetic::room(100).with_width(WIDTH);
+    recording::write(&room, &folder.path().join("data"), &[0, 2, 4, 6, 8]);
+    recording::write(&room, &folder.path().join("data/novel"), &[3, 5]);
     let (data, out) = (at("data"), at("report"));
     done(&["ablate", "--data", &data, "--out", &out, "--steps", "0"]);
     let files = names(Path::new(&out));

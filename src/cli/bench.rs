@@ -4,10 +4,12 @@
 //! turn and paired, so that both meet the same machine; any other speed is printed with the
 //! machine and its load.
 
+mod ask;
 mod clock;
 mod corridor;
 mod figure;
 mod geometry;
+mod language;
 mod mapping;
 mod printer;
 mod query;
@@ -38,6 +40,8 @@ enum Bench {
     Corridor(corridor::CorridorArgs),
     Query(query::QueryBenchArgs),
     Render(render::RenderBenchArgs),
+    Ask(ask::AskBenchArgs),
+    Language(language::LanguageArgs),
     Serve(serve::ServeBenchArgs),
 }
 
@@ -57,6 +61,8 @@ impl Bench {
             Self::Corridor(_) => "corridor",
             Self::Query(_) => "query",
             Self::Render(_) => "render",
+            Self::Ask(_) => "ask",
+            Self::Language(_) => "language",
             Self::Serve(_) => "serve",
         }
     }
@@ -68,6 +74,8 @@ impl Bench {
             Self::Corridor(arguments) => arguments.run(out),
             Self::Query(arguments) => arguments.run(out),
             Self::Render(arguments) => arguments.run(out),
+            Self::Ask(arguments) => arguments.run(out),
+            Self::Language(arguments) => arguments.run(out),
             Self::Serve(arguments) => arguments.run(out),
         }
     }
@@ -150,7 +158,8 @@ mod tests {
         list(&mut text, false).expect("listed");
         let text = String::from_utf8(text).expect("text");
         let names: Vec<&str> = text.lines().filter_map(|l| l.split_whitespace().next()).collect();
-        assert_eq!(names, ["geometry", "map", "corridor", "query", "render", "serve"]);
+        let all = ["geometry", "map", "corridor", "query", "render", "ask", "language", "serve"];
+        assert_eq!(names, all);
         assert!(text.lines().all(|line| line.len() > 30), "each with what it measures: {text}");
     }
 
@@ -188,6 +197,40 @@ mod tests {
         {
             assert!(parse(line).is_err(), "{line}");
         }
+    }
+
+    #[test]
+    fn a_small_house_is_asked_for_things() {
+        let objects =
+            objects("bench ask --frames 4 --width 64 --dimension 32 --patches 8 --repeat 2");
+        have_the_shape(&objects, "ask");
+        assert_eq!(values(&objects, "cost_of_language").len(), 1);
+        assert!(values(&objects, "vertices")[0] > 500.0 && values(&objects, "atoms")[0] > 4.0);
+        for measure in ["find", "points_10k", "image_heat"] {
+            assert_eq!(values(&objects, measure).len(), 1, "{measure}");
+        }
+    }
+
+    #[test]
+    fn a_small_house_is_told_apart_by_codes_and_by_full_features() {
+        let objects =
+            objects("bench language --dimension 256 --frames 46 --views 6 --width 64 --json");
+        have_the_shape(&objects, "language");
+        let (maps, atoms) = (values(&objects, "map_3d"), values(&objects, "atoms"));
+        assert_eq!((maps.len(), atoms.len()), (9, 9), "one a way to keep features");
+        assert_eq!((atoms[0], atoms[2]), (256.0, 64.0), "all axes; as many atoms as there may be");
+        assert!(maps.iter().all(|map| (0.0..=1.0).contains(map)), "{maps:?}");
+        let cosines = values(&objects, "cosine");
+        assert!(
+            cosines[2] < cosines[3] && cosines[3] <= cosines[4],
+            "more atoms, more of a feature"
+        );
+        assert!(cosines[6] < cosines[7] && cosines[7] < cosines[8], "so do more coefficients");
+        assert!((cosines[4] - cosines[5]).abs() < 1e-3, "halves are as good");
+        let sizes = values(&objects, "bytes");
+        assert!(sizes[2] < sizes[4] && sizes[5] < sizes[4] && sizes[6] < sizes[7], "{sizes:?}");
+        assert_eq!(values(&objects, "compression_at_map").len(), 1);
+        assert_eq!(values(&objects, "overlapping_classes").len(), 1);
     }
 
     #[test]

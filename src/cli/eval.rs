@@ -5,9 +5,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::encoder::EncoderArgs;
 use super::open::open_view;
 use crate::error::Result;
-use crate::eval::{Lpips, Report, Truth, evaluate, image_errors};
+use crate::eval::{Lpips, Report, Truth, evaluate, image_errors, language_scores};
 use crate::map::{
     MapView, RenderSettings, Renderer, SamplePosition, default_resolution_m, extract_mesh,
     query_pool,
@@ -19,7 +20,7 @@ use crate::storage::write_file;
 pub struct EvalArgs {
     /// Map file
     pub map: PathBuf,
-    /// Folder with gt_sdf.npz, or gt_surface.npz and mesh.ply, or unseen views in novel/
+    /// Folder with gt_sdf.npz, or gt_surface.npz and mesh.ply, or unseen views in novel/, or labels.json
     #[arg(long, value_name = "DIR")]
     pub truth: PathBuf,
     /// What draws the images that are compared with the views in novel/
@@ -31,6 +32,8 @@ pub struct EvalArgs {
     /// A network for LPIPS, as ONNX: two images 1x3xHxW within -1..1, one number
     #[arg(long, value_name = "FILE.onnx")]
     pub lpips: Option<PathBuf>,
+    #[command(flatten)]
+    encoder: EncoderArgs,
     /// Also write the report as JSON
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
@@ -45,10 +48,16 @@ impl EvalArgs {
             sample: self.sample,
             ..RenderSettings::default()
         };
+        let encoder = self.encoder.open()?;
         let truth = Truth::load(&self.truth)?;
         let mut report = judge(&view, &truth)?;
+        let pool = query_pool(0)?;
+        if let Some(encoder) = &encoder {
+            report.language = language_scores(&view, &truth, encoder, &settings, &pool)?;
+        } else if view.contract().is_some() && !truth.labelled.is_empty() {
+            eprintln!("without --encoder, classes are not judged");
+        }
         if let Some(novel) = &truth.novel {
-            let pool = query_pool(0)?;
             report.images = image_errors(&view, novel, &settings, lpips.as_ref(), &pool)?;
         }
         write!(std::io::stdout(), "{report}")?;

@@ -16,6 +16,11 @@ pub(super) const CLASSES_FILE: &str = "labels.json";
 /// What the images' names end in.
 pub(super) const SUFFIX: &str = ".label.png";
 
+/// Whether a folder names classes of pixels.
+pub fn has_labels(folder: &Path) -> bool {
+    folder.join(CLASSES_FILE).exists()
+}
+
 #[derive(Deserialize)]
 struct ClassesFile {
     classes: BTreeMap<String, String>,

@@ -24,6 +24,7 @@ use crate::geometry::Intrinsics;
 
 pub use ahead::{Loaded, load_each};
 pub use cameras::{Cameras, cameras, pose};
+pub use labels::has_labels;
 pub use noise::Noise;
 pub use selection::FrameRange;
 

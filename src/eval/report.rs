@@ -14,6 +14,8 @@ pub struct Report {
     pub occupancy: Option<Occupancy>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub images: Option<ImageErrors>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub language: Option<LanguageScores>,
 }
 
 /// Errors of the distance field and of the mesh.
@@ -90,6 +92,27 @@ pub struct ImageErrors {
     pub images_per_second: f64,
 }
 
+/// How well a map with language tells classes apart: at points of surfaces, and in unseen views.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct LanguageScores {
+    pub miou_3d: f64,
+    pub macc_3d: f64,
+    pub map_3d: f64,
+    /// The share of the places that the map knows, which the means leave out.
+    pub known_share_3d: f64,
+    pub miou_2d: f64,
+    pub macc_2d: f64,
+    pub map_2d: f64,
+    pub known_share_2d: f64,
+    /// Of decoded features with the embedding of the true class.
+    pub cosine: f64,
+    /// The classes that count in 3D.
+    pub classes: usize,
+    pub atoms: usize,
+    /// Of codes and atoms as they are published.
+    pub bytes: u64,
+}
+
 /// The paper's geometry table, in its units, with what was known beside the means.
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -120,6 +143,10 @@ impl fmt::Display for Report {
             writeln!(f)?;
             image_table(f, images)?;
         }
+        if let Some(language) = &self.language {
+            writeln!(f)?;
+            language_table(f, language)?;
+        }
         Ok(())
     }
 }
@@ -135,6 +162,27 @@ fn image_table(f: &mut fmt::Formatter<'_>, images: &ImageErrors) -> fmt::Result 
     single(f, "Depth L1 [mm]", images.depth_l1_m * 1e3, 2)?;
     single(f, "Depth, median [mm]", images.depth_median_m * 1e3, 2)?;
     single(f, "Coverage [%]", images.coverage * 100.0, 2)
+}
+
+fn language_table(f: &mut fmt::Formatter<'_>, language: &LanguageScores) -> fmt::Result {
+    let LanguageScores { classes, atoms, bytes, .. } = language;
+    writeln!(f, "{:<26}{:>12}{:>12}", "Language", "3D", "2D")?;
+    for (name, surface, image) in [
+        ("mIoU [%]", language.miou_3d, language.miou_2d),
+        ("mAcc [%]", language.macc_3d, language.macc_2d),
+        ("mAP [%]", language.map_3d, language.map_2d),
+        ("Known [%]", language.known_share_3d, language.known_share_2d),
+    ] {
+        writeln!(
+            f,
+            "{name:<26}{:>12}{:>12}",
+            number(surface * 100.0, 2),
+            number(image * 100.0, 2)
+        )?;
+    }
+    single(f, "Cosine", language.cosine, 3)?;
+    single(f, "Codes and atoms [MB]", *bytes as f64 * 1e-6, 2)?;
+    writeln!(f, "{:<26}{classes:>12}\n{:<26}{atoms:>12}", "Classes", "Atoms")
 }
 
 fn field_table(f: &mut fmt::Formatter<'_>, field: &FieldErrors) -> fmt::Result {
@@ -228,7 +276,7 @@ mod tests {
         let only_mesh = Report {
             geometry: Some(Geometry { field: None, mesh: Some(mesh) }),
             occupancy: Some(Occupancy { accuracy: 0.9, known_share: 1.0 }),
-            images: None,
+            ..Report::default()
         };
         let json = serde_json::to_value(only_mesh).expect("plain data");
         assert_eq!(json["geometry"]["mesh"]["f_score_2cm"], 0.9);
@@ -264,6 +312,36 @@ mod tests {
             assert!(table.lines().any(|l| l == line), "{line} in\n{table}");
         }
         assert_eq!(serde_json::to_value(images).expect("plain data")["lpips"], 0.125);
+    }
+
+    #[test]
+    fn language_has_the_stable_keys_and_a_table_of_both_kinds() {
+        let language = LanguageScores {
+            miou_3d: 0.5,
+            macc_3d: 0.625,
+            map_3d: 0.75,
+            known_share_3d: 1.0,
+            miou_2d: 0.25,
+            macc_2d: 0.375,
+            map_2d: f64::NAN,
+            known_share_2d: 0.875,
+            cosine: 0.9375,
+            classes: 12,
+            atoms: 64,
+            bytes: 2_500_000,
+        };
+        let report = Report { language: Some(language), ..Report::default() };
+        let expected = serde_json::json!({ "language": {
+            "miou_3d": 0.5, "macc_3d": 0.625, "map_3d": 0.75, "known_share_3d": 1.0,
+            "miou_2d": 0.25, "macc_2d": 0.375, "map_2d": null, "known_share_2d": 0.875,
+            "cosine": 0.9375, "classes": 12, "atoms": 64, "bytes": 2_500_000,
+        }});
+        assert_eq!(serde_json::to_value(&report).expect("plain data"), expected);
+        let table = report.to_string();
+        for row in ["mIoU [%] 50.00 25.00", "mAP [%] 75.00 -", "Atoms 64", "Cosine 0.938"] {
+            let is_row = |line: &str| line.split_whitespace().eq(row.split_whitespace());
+            assert!(table.lines().any(is_row), "{row} in\n{table}");
+        }
     }
 
     #[test]

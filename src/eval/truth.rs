@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use glam::Vec3;
 
+use crate::dataset;
 use crate::error::{Error, Result};
 use crate::map::TriangleMesh;
 use crate::numpy::Archive;
@@ -17,6 +18,8 @@ pub struct Truth {
     pub surface: Option<SurfaceTruth>,
     /// The folder of views that no frame was mapped from, `novel/`.
     pub novel: Option<PathBuf>,
+    /// Those of the folder and of `novel/` whose views have labels, `labels.json`.
+    pub labelled: Vec<PathBuf>,
 }
 
 /// `gt_sdf.npz`: the exact field at sampled points, column by column.
@@ -54,7 +57,16 @@ impl Truth {
             (Some(points), Some(mesh)) => Some(SurfaceTruth::load(&points, &mesh)?),
             _ => None,
         };
-        Ok(Self { sdf, surface, novel: at("novel") })
+        let novel = at("novel");
+        let folders = [Some(folder.to_path_buf()), novel.clone()].into_iter().flatten();
+        let labelled = folders.filter(|folder| dataset::has_labels(folder)).collect();
+        Ok(Self { sdf, surface, novel, labelled })
+    }
+
+    /// Whether there is nothing to judge by.
+    pub(super) fn is_empty(&self) -> bool {
+        let nothing = self.sdf.is_none() && self.surface.is_none() && self.novel.is_none();
+        nothing && self.labelled.is_empty()
     }
 }
 

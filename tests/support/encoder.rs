@@ -48,11 +48,15 @@ pub(crate) fn room_words() -> TempDir {
 
 fn folder_of(rows: &[(String, Vec<f32>)]) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
-    write(folder.path(), rows);
+    let words: Vec<(&str, Vec<f32>)> =
+        rows.iter().map(|(word, row)| (word.as_str(), row.clone())).collect();
+    write(folder.path(), &words);
     folder
 }
 
-fn write(folder: &Path, words: &[(String, Vec<f32>)]) {
+/// Writes an encoder that has these words and numbers into a new folder.
+pub(crate) fn write(folder: &Path, words: &[(&str, Vec<f32>)]) {
+    std::fs::create_dir_all(folder).unwrap();
     let width = words[0].1.len();
     // Token 0 stands for words that the encoder does not know.
     let numbers = std::iter::repeat_n(0.0, width).chain(words.iter().flat_map(|w| w.1.clone()));

@@ -2,6 +2,7 @@
 
 pub(crate) mod command;
 pub(crate) mod encoder;
+pub(crate) mod recording;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
