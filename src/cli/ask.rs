@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use glam::{DQuat, DVec3};
-use serde_json::{Value, json};
+use glam::{DQuat, DVec3, Vec3};
+use serde::Serialize;
 
 use self::picture::Picture;
 use super::answerer::{Answerer, Heat};
@@ -76,7 +76,7 @@ impl AskArgs {
         let milliseconds = start.elapsed().as_secs_f64() * 1e3;
         let mut out = std::io::stdout();
         if self.json {
-            writeln!(out, "{}", as_json(&matches, milliseconds))?;
+            writeln!(out, "{}", as_json(&matches, milliseconds)?)?;
         } else {
             write!(out, "{}", as_table(&matches, milliseconds))?;
         }
@@ -166,31 +166,63 @@ fn beside(found: &Match) -> Pose {
     Pose::looking_at(middle + BESIDE, middle, DVec3::Z)
 }
 
-fn as_json(matches: &[Match], milliseconds: f64) -> Value {
-    let view = |pose: &Pose| {
-        json!({
-            "translation": pose.translation.to_array(), "rotation": pose.rotation.to_array(),
-        })
-    };
-    let found = |found: &Match| {
-        json!({
-            "id": found.id,
-            "score": found.score,
-            "centroid_m": found.centroid,
-            "extent_m": found.extent,
-            "voxels": found.voxels,
-            "obb": {
-                "center_m": found.obb.center,
-                "rotation": found.obb.rotation.to_array(),
-                "half_size_m": found.obb.half_size,
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Answer {
+    matches: Vec<Found>,
+    milliseconds: f64,
+}
+
+#[derive(Serialize)]
+struct Found {
+    id: u32,
+    score: f32,
+    centroid_m: Vec3,
+    extent_m: Vec3,
+    voxels: u32,
+    obb: Obb,
+    best_view: Option<View>,
+}
+
+#[derive(Serialize)]
+struct Obb {
+    center_m: Vec3,
+    rotation: [f32; 4],
+    half_size_m: Vec3,
+}
+
+#[derive(Serialize)]
+struct View {
+    translation: [f64; 3],
+    rotation: [f64; 4],
+}
+
+impl From<&Match> for Found {
+    fn from(found: &Match) -> Self {
+        let view = |pose: &Pose| View {
+            translation: pose.translation.to_array(),
+            rotation: pose.rotation.to_array(),
+        };
+        Self {
+            id: found.id,
+            score: found.score,
+            centroid_m: found.centroid,
+            extent_m: found.extent,
+            voxels: found.voxels,
+            obb: Obb {
+                center_m: found.obb.center,
+                rotation: found.obb.rotation.to_array(),
+                half_size_m: found.obb.half_size,
             },
-            "best_view": found.best_view.as_ref().map(view),
-        })
-    };
-    json!({
-        "matches": matches.iter().map(found).collect::<Vec<_>>(),
-        "milliseconds": milliseconds,
-    })
+            best_view: found.best_view.as_ref().map(view),
+        }
+    }
+}
+
+fn as_json(matches: &[Match], milliseconds: f64) -> Result<String> {
+    let answer = Answer { matches: matches.iter().map(Found::from).collect(), milliseconds };
+    serde_json::to_string(&answer)
+        .map_err(|e| Error::Internal(format!("an answer did not become JSON: {e}")))
 }
 
 fn as_table(matches: &[Match], milliseconds: f64) -> String {
@@ -199,7 +231,7 @@ fn as_table(matches: &[Match], milliseconds: f64) -> String {
         text += "  #  score        at x y z, m         size x y z, m   voxels\n";
     }
     for (at, found) in matches.iter().enumerate() {
-        let three = |v: glam::Vec3| format!("{:6.2} {:6.2} {:6.2}", v.x, v.y, v.z);
+        let three = |v: Vec3| format!("{:6.2} {:6.2} {:6.2}", v.x, v.y, v.z);
         text += &format!(
             "{:3}  {:5.3}  {}  {}  {:7}\n",
             at + 1,
@@ -215,7 +247,8 @@ fn as_table(matches: &[Match], milliseconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use clap::FromArgMatches;
-    use glam::{Quat, Vec3};
+    use glam::Quat;
+    use serde_json::{Value, json};
 
     use super::*;
     use crate::map::OrientedBox;
@@ -246,7 +279,9 @@ mod tests {
         assert_eq!(lines[0], "1 found in 12.3 ms");
         assert_eq!(lines[2], "  1  0.875    1.00  -2.50   0.50    0.50   1.00   0.80       40");
         assert_eq!(as_table(&[], 1.0), "0 found in 1.0 ms\n");
-        let json = as_json(&[found()], 12.5);
+        let text = as_json(&[found()], 12.5).expect("JSON");
+        assert!(text.contains(r#""extent_m":[0.5,1.0,0.8],"voxels":40,"#), "{text}");
+        let json: Value = serde_json::from_str(&text).expect("JSON");
         assert_eq!(json["milliseconds"], 12.5);
         let found = &json["matches"][0];
         assert_eq!(found["centroid_m"], json!([1.0, -2.5, 0.5]));

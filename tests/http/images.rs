@@ -116,7 +116,7 @@ fn faults() -> Vec<Fault> {
             "intrinsics",
             &["3136", "3072", "server.max_pixels"],
         ),
-        (|q| q["output"] = json!("heat"), 400, "output", &["heat", "depth"]),
+        (|q| q["output"] = json!("warmth"), 400, "output", &["warmth", "depth"]),
         (|q| q["encoding"] = json!("gif"), 400, "encoding", &["gif", "png"]),
         (|q| q["jpeg_quality"] = json!(80), 400, "jpeg_quality", &["80", "jpeg"]),
         (|q| q["radius"] = json!(1), 400, "radius", &["unknown field"]),

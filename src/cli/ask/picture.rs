@@ -7,7 +7,7 @@ use image::{ExtendedColorType, ImageEncoder};
 
 use crate::cli::render::Size;
 use crate::error::{Error, Result};
-use crate::map::{Camera, OrientedBox};
+use crate::map::{Camera, MAX_SIDE, OrientedBox};
 
 /// What fits a little, and what fits best, sRGB.
 const WARM: Vec3 = Vec3::new(1.0, 0.85, 0.1);
@@ -58,15 +58,20 @@ impl Picture {
             let sign = Vec3::from([0, 1, 2].map(|axis| (at >> axis & 1) as f32 * 2.0 - 1.0));
             pixel(around.center + around.rotation * (sign * around.half_size))
         };
+        let mut top_left = [f64::INFINITY; 2];
         for at in 0..8 {
+            if let Some([u, v]) = corner(at) {
+                top_left = [top_left[0].min(u), top_left[1].min(v)];
+            }
             for other in [1, 2, 4].map(|bit| at | bit).into_iter().filter(|other| *other != at) {
                 if let (Some(from), Some(to)) = (corner(at), corner(other)) {
                     self.line(from, to);
                 }
             }
         }
-        if let Some([u, v]) = pixel(around.center) {
-            self.write(name, u.round() as i64, v.round() as i64);
+        // Beside the thing, which is small in the view of a whole map.
+        if top_left.iter().all(|at| at.abs() < f64::from(2 * MAX_SIDE)) {
+            self.write(name, top_left[0].round() as i64, top_left[1].round() as i64);
         }
     }
 
@@ -92,7 +97,7 @@ impl Picture {
         }
     }
 
-    /// Letters around a pixel, on a ground of their own.
+    /// Letters around a pixel, on a ground of their own. Pixels outside of the image are none.
     fn write(&mut self, text: &str, u: i64, v: i64) {
         let width = 8 * DOT * text.chars().count() as i64;
         let (left, top) = (u - width / 2, v - 4 * DOT);
@@ -157,12 +162,13 @@ mod tests {
         picture.frame(&camera, &around, "1");
         let at = |u: usize, v: usize| picture.rgb[v * 100 + u];
         // The near face is 4 m away: 25 pixels a metre.
-        for (u, v) in [(25, 20), (75, 20), (25, 60), (75, 60), (50, 20), (25, 40)] {
+        for (u, v) in [(75, 20), (25, 60), (75, 60), (50, 20), (25, 40)] {
             assert_eq!(at(u, v), INK, "{u} {v}");
         }
-        let inked = (42..58).flat_map(|u| (32..48).map(move |v| (u, v)));
+        let inked = (18..33).flat_map(|u| (13..28).map(move |v| (u, v)));
         let inked = inked.filter(|(u, v)| at(*u, *v) == INK).count();
         assert!((20..200).contains(&inked), "{inked} dots of a figure");
+        assert_eq!(at(50, 40), [0; 3], "the thing itself stays free");
         assert_eq!(at(5, 5), [0; 3]);
         // What is behind the camera, or far outside of the image, does no harm.
         let behind = OrientedBox { center: Vec3::new(0.0, 0.0, -3.0), ..around };

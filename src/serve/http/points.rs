@@ -84,13 +84,14 @@ pub(super) struct PointsAnswer {
     text_score: Option<Vec<f32>>,
 }
 
-/// Distance, gradient, occupancy, state and color at points
+/// Distance, gradient, occupancy, state, color and how well a text fits, at points
 ///
 /// One answer comes from one epoch. It has the form that `accept` prefers: JSON, or the columns as
 /// little-endian numbers back to back, with their names, types, widths and offsets in the header
 /// `orenx-columns`. A question may be raw too: a body of `application/octet-stream` with x y z of
 /// each point as little-endian f32, finite and whole, and the options in the query string, under the
-/// names that they have in JSON (`?fields=distance,state&min_epoch=4`).
+/// names that they have in JSON (`?fields=distance,state&min_epoch=4`); a text as its words, with commas
+/// between them (`?prompts=red+chair,lamp&negatives=`).
 #[utoipa::path(post, path = "/v1/maps/{map}/query/points", tag = "query",
     params(openapi::MapPath),
     request_body = PointsRequest,
