@@ -4,11 +4,13 @@
 //! anywhere else.
 
 mod counters;
+mod find;
 mod image;
 mod language;
 mod maps;
 mod question;
 mod readers;
+mod sought;
 mod studio;
 mod tasks;
 mod times;
@@ -30,6 +32,10 @@ use crate::telemetry::Distribution;
 
 pub use counters::FrameCounts;
 use counters::{Counted, Counters};
+pub use find::{
+    ClassifyQuestion, ClassifyReply, Encoders, FindQuestion, FindReply, MAX_CLASS_SCORES,
+    MAX_CLASSES, MAX_MATCHES,
+};
 pub use image::{ImageKind, ImageQuestion, ImageReply, MAX_IMAGE_BYTES, MAX_IMAGES};
 pub use maps::{MapDetail, MapReport, MapSummary};
 use question::demand;
@@ -38,6 +44,8 @@ pub use question::{
     check_unknown_distance, points_of,
 };
 use readers::Readers;
+use sought::Words;
+pub use sought::{MAX_PROMPTS, Sought};
 use studio::Studio;
 use tasks::PointsTask;
 use times::Times;
@@ -55,7 +63,7 @@ pub struct Service {
     studio: Studio,
     counters: Arc<Counters>,
     times: Times,
-    encoder: Option<Arc<TextEncoder>>,
+    words: Words,
     max_points: usize,
     max_pixels: usize,
 }
@@ -64,7 +72,7 @@ impl Service {
     /// Loads or creates the map and starts its thread and the readers. The caller keeps the
     /// [`Engine`]: it ends the thread and says whether the map was saved.
     pub fn start(config: &ServerConfig, map: MapConfig) -> Result<(Arc<Self>, Engine)> {
-        let encoder = TextEncoder::open(&config.encoder)?.map(Arc::new);
+        let words = Words::new(TextEncoder::open(&config.encoder)?);
         let store = config.storage.as_deref().map(prepare_storage).transpose()?;
         let mut mapper = match &store {
             Some(path) => persist::load(path, map)?,
@@ -88,7 +96,7 @@ impl Service {
             studio: Studio::start(config.query_threads)?,
             counters: Arc::default(),
             times: Times::default(),
-            encoder,
+            words,
             max_points: config.max_points,
             max_pixels: config.max_pixels,
         };
@@ -119,7 +127,7 @@ impl Service {
         let sink = Counted::receive(&self.counters, sink, arrived);
         let checked = self.map(map_id).and_then(|mapper| {
             frame.check()?;
-            self.check_contract(&frame)?;
+            self.check_contract(&frame, &mapper.published().view)?;
             Ok(mapper)
         });
         match checked {
@@ -144,8 +152,9 @@ impl Service {
         let age = framed_at.map(|at| started.saturating_duration_since(at));
         demand((question.min_epoch, question.max_age), (epoch, age))?;
         let fill = question.unknown.fill(view.config().max_distance_m);
-        let PointsQuestion { points, fields, .. } = question;
-        let task = PointsTask { view, points, fields, fill };
+        let PointsQuestion { points, fields, text, .. } = question;
+        let text = self.words.text(&view, text).await?;
+        let task = PointsTask { view, points, fields, fill, text };
         let (answers, queued) = self.readers.answer(task).await?;
         let spent = started.elapsed();
         self.times.observe(call, queued, spent);
@@ -154,7 +163,7 @@ impl Service {
 
     /// Draws the newest view, if it is as new as the question demands, one question at a time; a
     /// dropped future stops the work at the next tile. `call` says whose times these are.
-    pub async fn render(&self, question: ImageQuestion, call: Call) -> Result<ImageReply> {
+    pub async fn render(&self, mut question: ImageQuestion, call: Call) -> Result<ImageReply> {
         let started = Instant::now();
         let Published { view, framed_at, .. } = self.map(&question.map_id)?.published();
         question.check(self.max_pixels)?;
@@ -162,7 +171,8 @@ impl Service {
         let age = framed_at.map(|at| started.saturating_duration_since(at));
         demand((question.min_epoch, question.max_age), (epoch, age))?;
         let (width, height) = (question.camera.intrinsics.width, question.camera.intrinsics.height);
-        let (images, queued) = self.studio.draw(view, question).await?;
+        let text = self.words.text(&view, question.text.take()).await?;
+        let (images, queued) = self.studio.draw(view, question, text).await?;
         let spent = started.elapsed();
         self.times.observe(call, queued, spent);
         Ok(ImageReply { images, width, height, epoch, newest_stamp_ns, spent })

@@ -5,7 +5,10 @@
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "this is the part that prints")]
 
 pub mod ablate;
+mod answerer;
+pub mod ask;
 pub mod bench;
+pub mod classify;
 pub mod demo;
 pub mod doctor;
 mod encoder;
@@ -45,6 +48,8 @@ enum Command {
     Slice(slice::SliceArgs),
     Mesh(mesh::MeshArgs),
     Render(render::RenderArgs),
+    Ask(ask::AskArgs),
+    Classify(classify::ClassifyArgs),
     Bench(bench::BenchArgs),
     Ablate(ablate::AblateArgs),
     Doctor(doctor::DoctorArgs),
@@ -75,6 +80,8 @@ pub fn run() -> ExitCode {
         Command::Slice(arguments) => arguments.run(),
         Command::Mesh(arguments) => arguments.run(),
         Command::Render(arguments) => arguments.run(),
+        Command::Ask(arguments) => arguments.run(),
+        Command::Classify(arguments) => arguments.run(),
         Command::Bench(arguments) => arguments.run(),
         Command::Ablate(arguments) => arguments.run(),
         Command::Doctor(arguments) => arguments.run(),

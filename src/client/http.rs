@@ -14,7 +14,7 @@ use tokio::net::TcpStream;
 use super::CONNECT;
 use crate::error::{Error, Result};
 use crate::map::Fields;
-use crate::service::{PointsQuestion, PointsReply, UnknownPolicy};
+use crate::service::{PointsQuestion, PointsReply, Sought, UnknownPolicy};
 use crate::wire::{
     COLUMNS, EPOCH, MAX_MESSAGE_BYTES, NEWEST_STAMP_NS, POINTS, SERVER_US, columns_from_wire,
     error_from_http,
@@ -73,7 +73,7 @@ impl HttpClient {
 
     /// The answer to a question about points.
     pub async fn ask(&self, question: &PointsQuestion) -> Result<PointsReply> {
-        let path = format!("/v1/maps/{}/query/points{}", question.map_id, options(question));
+        let path = format!("/v1/maps/{}/query/points{}", question.map_id, options(question)?);
         let body = Bytes::copy_from_slice(bytemuck::cast_slice(&question.points));
         let mut request = self.request(Method::POST, &path, body)?;
         let raw = hyper::header::HeaderValue::from_static(RAW);
@@ -166,14 +166,15 @@ impl HttpClient {
 }
 
 /// The query string of a question: what differs from the defaults.
-fn options(question: &PointsQuestion) -> String {
-    let Fields { distance, gradient, occupancy, state, color, .. } = question.fields;
+fn options(question: &PointsQuestion) -> Result<String> {
+    let Fields { distance, gradient, occupancy, state, color, text_score } = question.fields;
     let named = [
         (distance, "distance"),
         (gradient, "gradient"),
         (occupancy, "occupancy"),
         (state, "state"),
         (color, "color"),
+        (text_score, "text_score"),
     ];
     let fields: Vec<&str> = named.iter().filter(|(asked, _)| *asked).map(|(_, n)| *n).collect();
     let mut text = format!("?fields={}&min_epoch={}", fields.join(","), question.min_epoch);
@@ -197,7 +198,27 @@ fn options(question: &PointsQuestion) -> String {
         let any = percent_encoding::NON_ALPHANUMERIC;
         add("frame_id", &percent_encoding::utf8_percent_encode(&question.frame_id, any));
     }
-    text
+    match &question.text {
+        None => {}
+        Some(Sought::Words { prompts, negatives }) => {
+            add("prompts", &words(prompts));
+            if let Some(negatives) = negatives {
+                add("negatives", &words(negatives));
+            }
+        }
+        Some(Sought::Embeddings { .. }) => {
+            let problem = "embeddings beside raw points go over gRPC alone";
+            return Err(Error::invalid("text", problem));
+        }
+    }
+    Ok(text)
+}
+
+/// Words with commas between them; one inside of a word is encoded.
+fn words(words: &[String]) -> String {
+    let any = percent_encoding::NON_ALPHANUMERIC;
+    let encoded = words.iter().map(|word| percent_encoding::utf8_percent_encode(word, any));
+    encoded.map(|word| word.to_string()).collect::<Vec<_>>().join(",")
 }
 
 #[cfg(test)]
@@ -222,6 +243,7 @@ mod tests {
     fn a_question_becomes_a_query_string() {
         let mut question = PointsQuestion::new(Vec::new());
         question.fields = Fields { gradient: true, ..Fields::DISTANCE };
+        let options = |question: &PointsQuestion| options(question).expect("words alone");
         assert_eq!(options(&question), "?fields=distance,gradient&min_epoch=0");
         question.max_age = Some(Duration::from_millis(250));
         question.unknown = Unknown { policy: UnknownPolicy::Occupied, distance_m: Some(1.5) };
@@ -231,5 +253,11 @@ mod tests {
             "?fields=distance,gradient&min_epoch=0&max_age_ms=250&unknown_policy=occupied\
              &unknown_distance_m=1.5&frame_id=a%20b"
         );
+        question = PointsQuestion::new(Vec::new());
+        question.fields = Fields { text_score: true, ..Fields::NONE };
+        let prompts = vec!["red chair".into(), "a,b".into()];
+        question.text = Some(Sought::Words { prompts, negatives: Some(Vec::new()) });
+        let expected = "?fields=text_score&min_epoch=0&prompts=red%20chair,a%2Cb&negatives=";
+        assert_eq!(options(&question), expected);
     }
 }

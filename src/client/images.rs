@@ -11,7 +11,7 @@ use crate::config::name_of;
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
 use crate::map::{Camera, Encoding};
-use crate::service::{DEFAULT_MAP, ImageKind, ImageQuestion, ImageReply};
+use crate::service::{DEFAULT_MAP, ImageKind, ImageQuestion, ImageReply, Sought};
 use crate::wire::{EPOCH, HEIGHT, NEWEST_STAMP_NS, SERVER_US, WIDTH};
 
 #[derive(Deserialize)]
@@ -75,6 +75,7 @@ fn image_request(question: &ImageQuestion, kind: ImageKind, min_epoch: u64) -> V
     request["encoding"] = json!(kind.encoding.name());
     request["renderer"] = json!(name_of(question.renderer));
     request["min_epoch"] = json!(min_epoch);
+    request["text"] = json!(question.text.as_ref().map(text_json));
     if let Encoding::Jpeg { quality } = kind.encoding {
         request["jpeg_quality"] = json!(quality);
     }
@@ -83,6 +84,19 @@ fn image_request(question: &ImageQuestion, kind: ImageKind, min_epoch: u64) -> V
         request["max_age_ms"] = json!((age.as_millis() as u64).max(1));
     }
     request
+}
+
+/// What a heat is the heat of.
+fn text_json(sought: &Sought) -> Value {
+    match sought {
+        Sought::Words { prompts, negatives } => {
+            json!({ "prompts": prompts, "negatives": negatives })
+        }
+        Sought::Embeddings { encoder_id, prompts, negatives } => json!({
+            "encoder_id": encoder_id, "prompt_embeddings": prompts,
+            "negative_embeddings": negatives,
+        }),
+    }
 }
 
 /// What a question for an image cannot do without.

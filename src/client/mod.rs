@@ -3,6 +3,7 @@
 
 mod http;
 mod images;
+mod language;
 mod questioner;
 mod stream;
 
@@ -17,16 +18,19 @@ use crate::engine::Emptied;
 use crate::error::{Error, Result};
 use crate::map::Fields;
 use crate::service::{
-    ImageQuestion, ImageReply, MapReport, MapSummary, PointsQuestion, PointsReply,
+    ClassifyQuestion, ClassifyReply, FindQuestion, FindReply, ImageQuestion, ImageReply, MapReport,
+    MapSummary, PointsQuestion, PointsReply,
 };
 use crate::wire::v1::ingest_client::IngestClient;
+use crate::wire::v1::language_client::LanguageClient;
 use crate::wire::v1::maps_client::MapsClient;
 use crate::wire::v1::query_client::QueryClient;
 use crate::wire::v1::render_client::RenderClient;
 use crate::wire::{
-    MAX_MESSAGE_BYTES, error_from_status, image_question_to_wire, image_reply_from_wire,
-    map_list_from_wire, map_stats_from_wire, points_question_to_wire, stream_question_to_wire,
-    stream_reply_from_wire, v1,
+    FindRequest, MAX_MESSAGE_BYTES, classify_question_to_wire, error_from_status,
+    find_question_to_wire, image_question_to_wire, image_reply_from_wire, map_list_from_wire,
+    map_stats_from_wire, points_question_to_wire, stream_question_to_wire, stream_reply_from_wire,
+    v1,
 };
 
 pub use http::HttpClient;
@@ -115,6 +119,26 @@ impl Client {
             .await
             .map_err(|status| error_from_status(&status))?;
         image_reply_from_wire(reply.into_inner(), &question.images)
+    }
+
+    /// The things in a map that fit what is sought.
+    pub async fn find(&self, question: &FindQuestion) -> Result<FindReply> {
+        let mut client = LanguageClient::new(self.channel.clone());
+        let reply = match find_question_to_wire(question) {
+            FindRequest::Text(message) => client.query_text(message).await,
+            FindRequest::Embedding(message) => client.query_embedding(message).await,
+        };
+        Ok(reply.map_err(|status| error_from_status(&status))?.into_inner().into())
+    }
+
+    /// The classes of points.
+    pub async fn classify(&self, question: &ClassifyQuestion) -> Result<ClassifyReply> {
+        let reply = LanguageClient::new(self.channel.clone())
+            .max_decoding_message_size(MAX_MESSAGE_BYTES)
+            .classify(classify_question_to_wire(question))
+            .await
+            .map_err(|status| error_from_status(&status))?;
+        Ok(reply.into_inner().into())
     }
 
     /// Every map of the server.

@@ -3,7 +3,10 @@
 use super::{Client, HttpClient};
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
-use crate::service::{DEFAULT_MAP, ImageQuestion, ImageReply, PointsQuestion, PointsReply};
+use crate::service::{
+    ClassifyQuestion, ClassifyReply, DEFAULT_MAP, FindQuestion, FindReply, ImageQuestion,
+    ImageReply, PointsQuestion, PointsReply,
+};
 
 /// A client of either transport.
 #[derive(Clone)]
@@ -38,6 +41,22 @@ impl Questioner {
         match self {
             Self::Grpc(client) => client.render(question).await,
             Self::Http(client) => client.render(question).await,
+        }
+    }
+
+    /// The things in a map that fit what is sought.
+    pub async fn find(&self, question: &FindQuestion) -> Result<FindReply> {
+        match self {
+            Self::Grpc(client) => client.find(question).await,
+            Self::Http(client) => client.find(question).await,
+        }
+    }
+
+    /// The classes of points.
+    pub async fn classify(&self, question: &ClassifyQuestion) -> Result<ClassifyReply> {
+        match self {
+            Self::Grpc(client) => client.classify(question).await,
+            Self::Http(client) => client.classify(question).await,
         }
     }
 

@@ -26,6 +26,9 @@ pub enum Output {
     Opacity,
     /// Whether the ray left what was observed before it met a surface
     Unknown,
+    /// How well a text fits; where nobody knows NaN, and 0 as a picture. Comes with a text alone.
+    #[value(skip)]
+    Heat,
 }
 
 /// How an image is written.
@@ -43,6 +46,7 @@ pub enum Encoding {
 }
 
 impl Output {
+    /// All that need no text.
     pub const ALL: [Self; 5] =
         [Self::Color, Self::Depth, Self::Normal, Self::Opacity, Self::Unknown];
 
@@ -54,6 +58,7 @@ impl Output {
             Self::Normal => "normal",
             Self::Opacity => "opacity",
             Self::Unknown => "unknown",
+            Self::Heat => "heat",
         }
     }
 
@@ -67,6 +72,7 @@ impl Output {
                 Self::Normal => channels.normal = true,
                 Self::Opacity => channels.opacity = true,
                 Self::Unknown => channels.unknown = true,
+                Self::Heat => channels.heat = true,
             }
         }
         channels
@@ -76,7 +82,7 @@ impl Output {
     fn width(self) -> usize {
         match self {
             Self::Color | Self::Normal => 3,
-            Self::Depth | Self::Opacity | Self::Unknown => 1,
+            Self::Depth | Self::Opacity | Self::Unknown | Self::Heat => 1,
         }
     }
 }
@@ -160,6 +166,7 @@ impl Rendering {
             Output::Depth => self.depth_m.clone(),
             Output::Opacity => self.opacity.clone(),
             Output::Unknown => self.unknown.iter().map(|&u| f32::from(u)).collect(),
+            Output::Heat => self.heat.clone(),
         }
     }
 
@@ -177,6 +184,8 @@ impl Rendering {
             }
             Output::Opacity => self.opacity.iter().map(|&o| byte(o)).collect(),
             Output::Unknown => self.unknown.iter().map(|&u| u * unknown).collect(),
+            // NaN becomes 0.
+            Output::Heat => self.heat.iter().map(|&score| byte(score)).collect(),
             Output::Depth => Vec::new(),
         }
     }
@@ -214,7 +223,7 @@ mod tests {
             normal: vec![-Vec3::Z, Vec3::ZERO],
             opacity: vec![1.0, 0.2],
             unknown: vec![0, 1],
-            ..Rendering::default()
+            heat: vec![0.6, f32::NAN],
         }
     }
 
@@ -229,6 +238,7 @@ mod tests {
         assert_eq!(bytes(Output::Color), [0, 128, 255, 0, 0, 0]);
         assert_eq!(bytes(Output::Normal), [128, 128, 0, 0, 0, 0]);
         assert_eq!((bytes(Output::Opacity), bytes(Output::Unknown)), (vec![255, 51], vec![0, 255]));
+        assert_eq!(bytes(Output::Heat), [153, 0]);
         let depth = decoded(Output::Depth, Encoding::Png);
         assert_eq!(depth.as_luma16().expect("16 bits").as_raw()[..], [1235, 0]);
         let mm = [0.0002, 70.0, f32::NAN, -1.0].map(millimetres);

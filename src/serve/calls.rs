@@ -11,12 +11,16 @@ use tower_layer::Layer;
 use tower_service::Service;
 
 /// Every call of ours; the last counter is for all others.
-const CALLS: [&str; 9] = [
+const CALLS: [&str; 13] = [
     "/orenx.v1.Ingest/StreamFrames",
     "/orenx.v1.Query/QueryPoints",
     "/orenx.v1.Query/StreamQuery",
     "/orenx.v1.Render/Render",
     "/orenx.v1.Render/RenderStream",
+    "/orenx.v1.Language/QueryText",
+    "/orenx.v1.Language/QueryEmbedding",
+    "/orenx.v1.Language/Classify",
+    "/orenx.v1.Language/ListEncoders",
     "/orenx.v1.Maps/ListMaps",
     "/orenx.v1.Maps/GetMap",
     "/orenx.v1.Maps/GetMapStats",

@@ -1,4 +1,4 @@
-//! Questions over gRPC, about points and for images.
+//! Questions over gRPC: about points, for images, and in words.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -7,16 +7,21 @@ use tokio::sync::watch;
 use tonic::{Request, Response, Status, Streaming};
 
 use super::stream::{Answers, answer_stream};
-use crate::service::{Call, ImageQuestion, PointsQuestion, Service};
+use crate::error;
+use crate::service::{
+    Call, ClassifyQuestion, FindQuestion, ImageQuestion, PointsQuestion, Service,
+};
+use crate::wire::v1::language_server::Language;
 use crate::wire::v1::maps_server::Maps;
 use crate::wire::v1::query_server::Query;
 use crate::wire::v1::render_server::Render;
 use crate::wire::{
-    Ending, image_reply_to_wire, map_detail_to_wire, map_list_to_wire, map_reset_to_wire,
-    map_stats_to_wire, points_reply_to_wire, status_from_error, v1,
+    Ending, classify_reply_to_wire, encoders_to_wire, find_reply_to_wire, image_reply_to_wire,
+    map_detail_to_wire, map_list_to_wire, map_reset_to_wire, map_stats_to_wire,
+    points_reply_to_wire, status_from_error, v1,
 };
 
-/// `orenx.v1.Query`, `orenx.v1.Render` and `orenx.v1.Maps`: messages in, verbs, messages out.
+/// `orenx.v1.Query`, `Render`, `Language` and `Maps`: messages in, verbs, messages out.
 #[derive(Clone)]
 pub(super) struct Edge {
     service: Arc<Service>,
@@ -77,6 +82,56 @@ impl Render for Edge {
     ) -> Result<Response<Self::RenderStreamStream>, Status> {
         let ending = Ending::of(&request, self.closing.clone());
         Ok(Response::new(answer_stream(self.service.clone(), request.into_inner(), ending)))
+    }
+}
+
+impl Edge {
+    async fn find<Q>(&self, question: Q, call: Call) -> Result<Response<v1::QueryTextReply>, Status>
+    where
+        FindQuestion: TryFrom<Q, Error = error::Error>,
+    {
+        let answer = async { self.service.find(FindQuestion::try_from(question)?, call).await };
+        let reply = answer.await.map_err(|e| status_from_error(&e))?;
+        Ok(Response::new(find_reply_to_wire(reply)))
+    }
+}
+
+#[tonic::async_trait]
+impl Language for Edge {
+    async fn query_text(
+        &self,
+        request: Request<v1::QueryTextRequest>,
+    ) -> Result<Response<v1::QueryTextReply>, Status> {
+        self.find(request.into_inner(), Call::GrpcQueryText).await
+    }
+
+    async fn query_embedding(
+        &self,
+        request: Request<v1::QueryEmbeddingRequest>,
+    ) -> Result<Response<v1::QueryTextReply>, Status> {
+        self.find(request.into_inner(), Call::GrpcQueryEmbedding).await
+    }
+
+    async fn classify(
+        &self,
+        request: Request<v1::ClassifyRequest>,
+    ) -> Result<Response<v1::ClassifyReply>, Status> {
+        let answer = async {
+            let question = ClassifyQuestion::try_from(request.into_inner())?;
+            self.service.classify(question, Call::GrpcClassify).await
+        };
+        let reply = answer.await.map_err(|e| status_from_error(&e))?;
+        Ok(Response::new(classify_reply_to_wire(reply)))
+    }
+
+    async fn list_encoders(
+        &self,
+        request: Request<v1::ListEncodersRequest>,
+    ) -> Result<Response<v1::ListEncodersReply>, Status> {
+        let started = Instant::now();
+        let map_id = request.into_inner().map_id;
+        let encoders = self.service.encoders(&map_id).map_err(|e| status_from_error(&e))?;
+        Ok(Response::new(encoders_to_wire(encoders, started.elapsed())))
     }
 }
 

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use super::DEFAULT_MAP;
+use super::sought::Sought;
 use crate::error::{Error, Result};
 use crate::map::{Camera, Encoding, Output, Renderer};
 
@@ -20,6 +21,8 @@ pub struct ImageQuestion {
     /// What to answer, in this order.
     pub images: Vec<ImageKind>,
     pub renderer: Renderer,
+    /// What [`Output::Heat`] is the heat of.
+    pub text: Option<Sought>,
     /// The oldest epoch that may answer.
     pub min_epoch: u64,
     /// How long ago the newest frame may have come, by the server's clock.
@@ -54,6 +57,7 @@ impl ImageQuestion {
             camera,
             images,
             renderer: Renderer::Tile,
+            text: None,
             min_epoch: 0,
             max_age: None,
         }
@@ -84,6 +88,10 @@ impl ImageQuestion {
             let problem = format!("{} images must be within 1..={MAX_IMAGES}", self.images.len());
             return Err(Error::invalid("images", problem));
         }
+        let is_heat = |kind: &ImageKind| kind.output == Output::Heat;
+        if self.text.is_none() && self.images.iter().any(is_heat) {
+            return Err(Error::invalid("text", "is required: what HEAT is the heat of"));
+        }
         for (at, ImageKind { output, encoding }) in self.images.iter().enumerate() {
             encoding.check(*output, &format!("images[{at}].encoding"))?;
         }
@@ -113,7 +121,7 @@ mod tests {
         question().check(800).expect("as large as it may be");
         let f32_color = ImageKind { output: Output::Color, encoding: Encoding::F32 };
         type Spoil = fn(&mut ImageQuestion);
-        let cases: [(&str, &str, Spoil); 6] = [
+        let cases: [(&str, &str, Spoil); 7] = [
             ("intrinsics", "880 pixels; the limit is 800 (server.max_pixels)", |q| {
                 q.camera.intrinsics.height = 22;
             }),
@@ -122,6 +130,7 @@ mod tests {
                 q.camera.world_from_camera.translation.x = f64::NAN;
             }),
             ("images", "0 images", |q| q.images.clear()),
+            ("text", "HEAT", |q| q.images[0].output = Output::Heat),
             ("images", "9 images", |q| q.images = vec![q.images[0]; 9]),
             ("images[1].encoding", "jpeg is for color", |q| {
                 q.images.push(ImageKind { encoding: Encoding::JPEG, ..q.images[0] });

@@ -5,6 +5,7 @@ use std::time::Duration;
 use glam::Vec3;
 
 use super::DEFAULT_MAP;
+use super::sought::Sought;
 use crate::error::{Error, Result};
 use crate::geometry::MAX_COORDINATE_M;
 use crate::map::{Fields, PointAnswers};
@@ -27,6 +28,8 @@ pub struct PointsQuestion {
     /// How long ago the newest frame may have come, by the server's clock.
     pub max_age: Option<Duration>,
     pub unknown: Unknown,
+    /// What [`Fields::text_score`] is the score of.
+    pub text: Option<Sought>,
 }
 
 /// What stands in the columns of numbers where a point is unknown.
@@ -102,31 +105,37 @@ impl PointsQuestion {
             min_epoch: 0,
             max_age: None,
             unknown: Unknown::default(),
+            text: None,
         }
     }
 
     /// Refuses what no map could answer.
     pub(super) fn check(&self, max_points: usize) -> Result<()> {
         check_frame_id(&self.frame_id)?;
-        if self.points.len() > max_points {
-            return Err(Error::invalid(
-                "points_m",
-                format!(
-                    "{} points; the limit is {max_points} a request (server.max_points)",
-                    self.points.len()
-                ),
-            ));
-        }
-        if let Some(at) = self.points.iter().position(|p| !p.is_finite()) {
-            let numbers = self.points[at].to_array();
-            let axis = numbers.iter().position(|n| !n.is_finite()).unwrap_or_default();
-            return Err(Error::invalid(
-                format!("points_m[{at}].{}", ["x", "y", "z"][axis]),
-                format!("{} must be finite", numbers[axis]),
-            ));
+        check_points(&self.points, max_points)?;
+        if self.fields.text_score && self.text.is_none() {
+            return Err(Error::invalid("text", "is required: what TEXT_SCORE is the score of"));
         }
         self.unknown.check()
     }
+}
+
+/// Refuses too many points, and such as are none.
+pub(super) fn check_points(points: &[Vec3], max_points: usize) -> Result<()> {
+    if points.len() > max_points {
+        let problem = format!(
+            "{} points; the limit is {max_points} a request (server.max_points)",
+            points.len()
+        );
+        return Err(Error::invalid("points_m", problem));
+    }
+    let Some(at) = points.iter().position(|p| !p.is_finite()) else { return Ok(()) };
+    let numbers = points[at].to_array();
+    let axis = numbers.iter().position(|n| !n.is_finite()).unwrap_or_default();
+    Err(Error::invalid(
+        format!("points_m[{at}].{}", ["x", "y", "z"][axis]),
+        format!("{} must be finite", numbers[axis]),
+    ))
 }
 
 /// Refuses a view that is older than `min_epoch` or whose newest frame came longer ago than `max_age`.
@@ -216,6 +225,8 @@ mod tests {
         assert_eq!(refused, "points_m: 5 points; the limit is 4 a request (server.max_points)");
         let refused = refusal(|q| q.frame_id = "odom".into());
         assert!(refused.starts_with("frame_id: 'odom'"), "{refused}");
+        let refused = refusal(|q| q.fields.text_score = true);
+        assert!(refused.starts_with("text: is required"), "{refused}");
         let refused = refusal(|q| q.unknown.distance_m = Some(1.0));
         assert!(refused.starts_with("unknown_distance_m: needs unknown_policy"), "{refused}");
         for wrong in [0.0, -1.0, f32::NAN, f32::INFINITY, 10_001.0] {

@@ -296,7 +296,7 @@ mod tests {
 
     fn task(view: &Arc<MapView>, points: usize) -> PointsTask {
         let points = vec![Vec3::ZERO; points];
-        PointsTask { view: view.clone(), points, fields: Fields::ALL, fill: None }
+        PointsTask { view: view.clone(), points, fields: Fields::ALL, fill: None, text: None }
     }
 
     /// Readers without threads: the test takes their place.

@@ -12,7 +12,7 @@ use tokio::sync::Semaphore;
 
 use super::image::{ImageKind, ImageQuestion};
 use crate::error::{Error, Result};
-use crate::map::{MapView, Output, RenderSettings, render};
+use crate::map::{MapView, Output, RenderSettings, Scorer, render_with};
 use crate::threads::Urgency;
 
 /// Questions that wait for their turn or are drawn.
@@ -50,12 +50,14 @@ impl Studio {
         })
     }
 
-    /// The images of a checked question, and how long it waited for its turn. Dropping the future
+    /// The images of a checked question, its text as the view is asked for it, and how long it waited
+    /// for its turn. Dropping the future
     /// leaves the rest of the drawing at its next tile.
     pub(super) async fn draw(
         &self,
         view: Arc<MapView>,
         question: ImageQuestion,
+        text: Option<Scorer>,
     ) -> Result<(Vec<(ImageKind, Vec<u8>)>, Duration)> {
         let asked = Instant::now();
         let _place = self.places.try_acquire().map_err(|_| Error::ResourceExhausted {
@@ -70,7 +72,7 @@ impl Studio {
         let drawing = tokio::task::spawn_blocking(move || {
             // Kept until the drawing has stopped, even if nobody waits for it.
             let _turn = turn;
-            let drawn = || images(&view, &question, &pool, &left);
+            let drawn = || images(&view, &question, text.as_ref(), &pool, &left);
             catch_unwind(AssertUnwindSafe(drawn))
                 .unwrap_or_else(|_| Err(Error::Internal("this image made the server fail".into())))
         });
@@ -85,13 +87,15 @@ fn internal(error: impl std::fmt::Display) -> Error {
 fn images(
     view: &MapView,
     question: &ImageQuestion,
+    text: Option<&Scorer>,
     pool: &ThreadPool,
     left: &AtomicBool,
 ) -> Result<Vec<(ImageKind, Vec<u8>)>> {
     let channels = Output::channels(question.images.iter().map(|kind| kind.output));
     let settings = RenderSettings { renderer: question.renderer, ..RenderSettings::default() };
     let interrupted = || left.load(Relaxed);
-    let rendering = render(view, &question.camera, channels, &settings, pool, &interrupted)
+    let camera = &question.camera;
+    let rendering = render_with(view, camera, channels, &settings, text, pool, &interrupted)
         .ok_or_else(|| Error::Unavailable("nobody waits for this image any more".into()))?;
     let encode = |kind: &ImageKind| Ok((*kind, rendering.encode(kind.output, kind.encoding)?));
     pool.install(|| question.images.par_iter().map(encode).collect())
@@ -119,7 +123,7 @@ mod tests {
     #[tokio::test]
     async fn images_come_in_the_order_of_the_question() {
         let studio = Studio::start(2).expect("threads");
-        let (images, _waited) = studio.draw(view(), question(8)).await.expect("drawn");
+        let (images, _waited) = studio.draw(view(), question(8), None).await.expect("drawn");
         let sizes: Vec<_> = images.iter().map(|(kind, bytes)| (kind.output, bytes.len())).collect();
         assert_eq!(sizes, [(Output::Unknown, 64), (Output::Color, 192)]);
         assert_eq!(images[0].1, [1; 64], "an empty map knows nothing");
@@ -135,14 +139,15 @@ mod tests {
         let turn = studio.turn.clone().acquire_owned().await.expect("open");
         let view = view();
         let mut waiting: Vec<_> =
-            (0..PLACES).map(|_| Box::pin(studio.draw(view.clone(), question(8)))).collect();
+            (0..PLACES).map(|_| Box::pin(studio.draw(view.clone(), question(8), None))).collect();
         for drawing in &mut waiting {
             let polled = std::future::poll_fn(|context| {
                 std::task::Poll::Ready(drawing.as_mut().poll(context).is_pending())
             });
             assert!(polled.await, "the turn is taken");
         }
-        let error = studio.draw(view.clone(), question(8)).await.expect_err("full").to_string();
+        let error =
+            studio.draw(view.clone(), question(8), None).await.expect_err("full").to_string();
         assert!(error.contains("the limit is 32"), "{error}");
         waiting.truncate(1);
         drop(turn);
@@ -154,7 +159,7 @@ mod tests {
     #[test]
     fn a_drawing_that_nobody_waits_for_is_left() {
         let studio = Studio::start(1).expect("a thread");
-        let error = images(&view(), &question(8), &studio.pool, &AtomicBool::new(true));
+        let error = images(&view(), &question(8), None, &studio.pool, &AtomicBool::new(true));
         assert!(error.is_err());
     }
 }

@@ -5,11 +5,15 @@ use std::sync::Arc;
 use glam::Vec3;
 
 use super::question::Fill;
-use crate::error::Result;
-use crate::map::{Fields, MapView, PointAnswers};
+use crate::error::{Error, Result};
+use crate::map::{Fields, FindSettings, MapView, Match, PointAnswers, Scorer};
 
 /// Points evaluated between two looks at cancellation and at other questions, about a millisecond.
 pub(super) const CHUNK: usize = 4096;
+/// What scoring a text adds to a point, in points.
+const SCORED: usize = 3;
+/// Classes that take as long as the rest of a point.
+const CLASSES: usize = 8;
 
 /// Work that is cut into chunks, which any threads take in any order.
 pub(super) trait Task: Send + Sync + 'static {
@@ -35,6 +39,8 @@ pub(super) struct PointsTask {
     pub(super) points: Vec<Vec3>,
     pub(super) fields: Fields,
     pub(super) fill: Option<Fill>,
+    /// The text that is scored, made for this view.
+    pub(super) text: Option<Scorer>,
 }
 
 impl Task for PointsTask {
@@ -42,7 +48,7 @@ impl Task for PointsTask {
     type Answer = PointAnswers;
 
     fn size(&self) -> usize {
-        self.points.len()
+        self.points.len() * if self.text.is_some() { 1 + SCORED } else { 1 }
     }
 
     fn chunks(&self) -> usize {
@@ -50,7 +56,8 @@ impl Task for PointsTask {
     }
 
     fn part(&self, chunk: usize, _is_left: &(dyn Fn() -> bool + Sync)) -> Result<PointAnswers> {
-        let mut answers = self.view.query(of_chunk(&self.points, chunk, CHUNK), self.fields);
+        let points = of_chunk(&self.points, chunk, CHUNK);
+        let mut answers = self.view.query_with(points, self.fields, self.text.as_ref());
         if let Some(fill) = self.fill {
             fill.apply(&mut answers);
         }
@@ -59,6 +66,72 @@ impl Task for PointsTask {
 
     fn whole(&self, parts: Vec<PointAnswers>) -> PointAnswers {
         PointAnswers::concatenate(parts)
+    }
+}
+
+/// Things in a whole map.
+pub(super) struct FindTask {
+    pub(super) view: Arc<MapView>,
+    pub(super) scorer: Scorer,
+    pub(super) settings: FindSettings,
+}
+
+impl Task for FindTask {
+    type Part = Vec<Match>;
+    type Answer = Vec<Match>;
+
+    /// More than what is answered in place: it is looked through from end to end.
+    fn size(&self) -> usize {
+        CHUNK
+    }
+
+    fn chunks(&self) -> usize {
+        1
+    }
+
+    fn part(&self, _chunk: usize, is_left: &(dyn Fn() -> bool + Sync)) -> Result<Vec<Match>> {
+        let left = || Error::Unavailable("nobody waits for this answer any more".into());
+        self.view.find(&self.scorer, &self.settings, is_left).ok_or_else(left)
+    }
+
+    fn whole(&self, parts: Vec<Vec<Match>>) -> Vec<Match> {
+        parts.concat()
+    }
+}
+
+/// The classes of points.
+pub(super) struct ClassifyTask {
+    pub(super) view: Arc<MapView>,
+    pub(super) points: Vec<Vec3>,
+    pub(super) classes: Scorer,
+}
+
+impl ClassifyTask {
+    fn points_of_chunk(&self) -> usize {
+        CHUNK / (1 + self.classes.len() / CLASSES).min(CHUNK)
+    }
+}
+
+impl Task for ClassifyTask {
+    type Part = (Vec<i32>, Vec<f32>);
+    type Answer = (Vec<i32>, Vec<f32>);
+
+    fn size(&self) -> usize {
+        self.points.len() * (1 + SCORED)
+    }
+
+    fn chunks(&self) -> usize {
+        self.points.len().div_ceil(self.points_of_chunk()).max(1)
+    }
+
+    fn part(&self, chunk: usize, _is_left: &(dyn Fn() -> bool + Sync)) -> Result<Self::Part> {
+        let points = of_chunk(&self.points, chunk, self.points_of_chunk());
+        Ok(self.view.classify(points, &self.classes))
+    }
+
+    fn whole(&self, parts: Vec<Self::Part>) -> Self::Answer {
+        let (class, score): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+        (class.concat(), score.concat())
     }
 }
 

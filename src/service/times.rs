@@ -12,18 +12,30 @@ pub enum Call {
     GrpcStreamQuery,
     GrpcRender,
     GrpcRenderStream,
+    GrpcQueryText,
+    GrpcQueryEmbedding,
+    GrpcClassify,
     HttpQueryPoints,
     HttpRender,
+    HttpQueryText,
+    HttpQueryEmbedding,
+    HttpClassify,
 }
 
 impl Call {
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 12] = [
         Self::GrpcQueryPoints,
         Self::GrpcStreamQuery,
         Self::GrpcRender,
         Self::GrpcRenderStream,
+        Self::GrpcQueryText,
+        Self::GrpcQueryEmbedding,
+        Self::GrpcClassify,
         Self::HttpQueryPoints,
         Self::HttpRender,
+        Self::HttpQueryText,
+        Self::HttpQueryEmbedding,
+        Self::HttpClassify,
     ];
 
     /// The names of the transport and of the verb.
@@ -33,8 +45,14 @@ impl Call {
             Self::GrpcStreamQuery => ("grpc", "stream_query"),
             Self::GrpcRender => ("grpc", "render"),
             Self::GrpcRenderStream => ("grpc", "render_stream"),
+            Self::GrpcQueryText => ("grpc", "query_text"),
+            Self::GrpcQueryEmbedding => ("grpc", "query_embedding"),
+            Self::GrpcClassify => ("grpc", "classify"),
             Self::HttpQueryPoints => ("http", "query_points"),
             Self::HttpRender => ("http", "render"),
+            Self::HttpQueryText => ("http", "query_text"),
+            Self::HttpQueryEmbedding => ("http", "query_embedding"),
+            Self::HttpClassify => ("http", "classify"),
         }
     }
 }

@@ -38,6 +38,7 @@ pub fn columns_to_wire(
     columns.push("occupancy", fields.occupancy, 1, answers.occupancy);
     // The last one, so that the numbers before it lie on whole words.
     columns.push("color", fields.color, 3, answers.color);
+    columns.push("text_score", fields.text_score, 1, answers.text_score);
     columns.push("state", fields.state, 1, answers.state);
     (columns.header, columns.parts)
 }
@@ -107,6 +108,7 @@ pub fn columns_from_wire(header: &str, body: &[u8], points: usize) -> Result<Poi
             ("occupancy", "f32", 1) => answers.occupancy = numbers(bytes),
             ("state", "u8", 1) => answers.state = bytes.to_vec(),
             ("color", "f32", 3) => answers.color = vectors(bytes),
+            ("text_score", "f32", 1) => answers.text_score = numbers(bytes),
             _ => {}
         }
     }
@@ -132,20 +134,22 @@ mod tests {
             occupancy: vec![],
             state: vec![1, 0],
             color: vec![Vec3::NAN, Vec3::ONE],
-            ..PointAnswers::default()
+            text_score: vec![0.25, f32::NAN],
         }
     }
 
     #[test]
     fn columns_come_back_bit_for_bit() {
-        let (header, parts) = columns_to_wire(answers(), Fields::ALL, 2);
+        let fields = Fields { text_score: true, ..Fields::ALL };
+        let (header, parts) = columns_to_wire(answers(), fields, 2);
         assert_eq!(
             header,
             "distance_m;type=f32;width=1;offset=0, gradient;type=f32;width=3;offset=8, \
-             color;type=f32;width=3;offset=32, state;type=u8;width=1;offset=56"
+             color;type=f32;width=3;offset=32, text_score;type=f32;width=1;offset=56, \
+             state;type=u8;width=1;offset=64"
         );
         let body = parts.concat();
-        assert_eq!(body.len(), 58);
+        assert_eq!(body.len(), 66);
         assert_eq!(body[..4], 0.5f32.to_le_bytes());
         let back = columns_from_wire(&header, &body, 2).expect("our own");
         assert_eq!(format!("{back:?}"), format!("{:?}", answers()));

@@ -11,6 +11,7 @@ mod features;
 mod geometry;
 mod image;
 mod ingest;
+mod language;
 mod maps;
 mod query;
 mod render;
@@ -23,6 +24,10 @@ pub use columns::{
 };
 pub use ending::{Deadline, Ending};
 pub use ingest::{FrameSummary, IncomingFrame, ack_to_wire, frame_to_wire, labelled_frame_to_wire};
+pub use language::{
+    FindRequest, classify_question_to_wire, classify_reply_to_wire, encoders_to_wire,
+    find_question_to_wire, find_reply_to_wire,
+};
 pub use maps::{
     map_detail_to_wire, map_list_from_wire, map_list_to_wire, map_reset_to_wire,
     map_stats_from_wire, map_stats_to_wire,

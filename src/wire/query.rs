@@ -5,11 +5,12 @@ use std::time::Duration;
 use glam::Vec3;
 
 use super::geometry::required;
+use super::language::text_to_wire;
 use super::status::{Codes, error_from_status};
 use super::v1;
 use crate::error::{Error, Result};
 use crate::map::{Fields, PointAnswers};
-use crate::service::{PointsQuestion, PointsReply, Unknown, UnknownPolicy, points_of};
+use crate::service::{PointsQuestion, PointsReply, Sought, Unknown, UnknownPolicy, points_of};
 
 /// Shape and names are checked here, as they are of the message; the rest where every transport's
 /// questions are.
@@ -17,9 +18,13 @@ impl TryFrom<v1::QueryPointsRequest> for PointsQuestion {
     type Error = Error;
 
     fn try_from(message: v1::QueryPointsRequest) -> Result<Self> {
+        let text = message.text.map(Sought::try_from).transpose()?;
+        let mut fields = fields_from_wire(&message.fields)?;
+        fields.text_score |= text.is_some();
         Ok(Self {
             points: points_of(&message.points_m)?,
-            fields: fields_from_wire(&message.fields)?,
+            fields,
+            text,
             unknown: Unknown {
                 policy: policy_from_wire(message.unknown_policy)?,
                 distance_m: message.unknown_distance_m,
@@ -41,6 +46,7 @@ pub fn points_question_to_wire(question: &PointsQuestion) -> v1::QueryPointsRequ
         (fields.occupancy, v1::PointField::Occupancy),
         (fields.state, v1::PointField::State),
         (fields.color, v1::PointField::Color),
+        (fields.text_score, v1::PointField::TextScore),
     ];
     v1::QueryPointsRequest {
         map_id: question.map_id.clone(),
@@ -52,6 +58,7 @@ pub fn points_question_to_wire(question: &PointsQuestion) -> v1::QueryPointsRequ
         unknown_policy: policy_to_wire(question.unknown.policy).into(),
         unknown_distance_m: question.unknown.distance_m,
         frame_id: question.frame_id.clone(),
+        text: question.text.as_ref().map(text_to_wire),
     }
 }
 
@@ -87,11 +94,11 @@ fn fields_from_wire(fields: &[i32]) -> Result<Fields> {
             Ok(v1::PointField::Occupancy) => asked.occupancy = true,
             Ok(v1::PointField::State) => asked.state = true,
             Ok(v1::PointField::Color) => asked.color = true,
+            Ok(v1::PointField::TextScore) => asked.text_score = true,
             Ok(v1::PointField::Unspecified) | Err(_) => {
-                return Err(Error::invalid(
-                    format!("fields[{index}]"),
-                    format!("{field} is none of DISTANCE, GRADIENT, OCCUPANCY, STATE, COLOR"),
-                ));
+                let all = "DISTANCE, GRADIENT, OCCUPANCY, STATE, COLOR, TEXT_SCORE";
+                let problem = format!("{field} is none of {all}");
+                return Err(Error::invalid(format!("fields[{index}]"), problem));
             }
         }
     }
@@ -106,6 +113,7 @@ pub fn points_reply_to_wire(reply: PointsReply) -> v1::QueryPointsReply {
         distance_m: reply.answers.distance,
         occupancy: reply.answers.occupancy,
         state: reply.answers.state,
+        text_score: reply.answers.text_score,
         epoch: reply.epoch,
         newest_stamp_ns: reply.newest_stamp_ns,
         server_us: reply.spent.as_micros() as u64,
@@ -121,7 +129,7 @@ impl From<v1::QueryPointsReply> for PointsReply {
                 occupancy: message.occupancy,
                 state: message.state,
                 color: message.color.chunks_exact(3).map(Vec3::from_slice).collect(),
-                ..PointAnswers::default()
+                text_score: message.text_score,
             },
             epoch: message.epoch,
             newest_stamp_ns: message.newest_stamp_ns,
@@ -184,7 +192,7 @@ mod tests {
     prop_compose! {
         fn questions()(
             points in prop::collection::vec(prop::array::uniform3(-1e6f32..1e6), 0..40),
-            [distance, gradient, occupancy, color] in any::<[bool; 4]>(),
+            [distance, gradient, occupancy, color, text_score] in any::<[bool; 5]>(),
             (min_epoch, max_age_ms) in (any::<u64>(), prop::option::of(1..u64::MAX)),
             policy in prop::sample::select(vec![
                 UnknownPolicy::Report, UnknownPolicy::Free, UnknownPolicy::Occupied,
@@ -197,7 +205,8 @@ mod tests {
                 frame_id,
                 points: points.into_iter().map(Vec3::from).collect(),
                 // No field at all means every field, so one is always asked for.
-                fields: Fields { distance, gradient, occupancy, state: true, color, ..Fields::NONE },
+                fields: Fields { distance, gradient, occupancy, state: true, color, text_score },
+                text: text_score.then(|| Sought::words(&["somewhere to sit"])),
                 min_epoch,
                 max_age: max_age_ms.map(Duration::from_millis),
                 unknown: Unknown { policy, distance_m },
@@ -215,7 +224,7 @@ mod tests {
 
         #[test]
         fn an_answer_comes_back_bit_for_bit(
-            rows in prop::collection::vec((any::<[f32; 8]>(), 0u8..3), 0..40),
+            rows in prop::collection::vec((any::<[f32; 9]>(), 0u8..3), 0..40),
             (epoch, newest_stamp_ns, us) in (any::<u64>(), any::<i64>(), any::<u32>()),
         ) {
             let reply = PointsReply {
@@ -225,7 +234,7 @@ mod tests {
                     occupancy: rows.iter().map(|(n, _)| n[4]).collect(),
                     state: rows.iter().map(|(_, state)| *state).collect(),
                     color: rows.iter().map(|(n, _)| Vec3::from_slice(&n[5..8])).collect(),
-                    ..PointAnswers::default()
+                    text_score: rows.iter().map(|(n, _)| n[8]).collect(),
                 },
                 epoch,
                 newest_stamp_ns,
@@ -236,7 +245,7 @@ mod tests {
             // NaN is an answer too: bits are compared.
             let bits = |a: &PointAnswers| {
                 let (gradient, color) = (flat(&a.gradient), flat(&a.color));
-                [&a.distance, &gradient, &a.occupancy, &color].map(|c| c.iter().map(|n| n.to_bits()).collect::<Vec<_>>())
+                [&a.distance, &gradient, &a.occupancy, &color, &a.text_score].map(|c| c.iter().map(|n| n.to_bits()).collect::<Vec<_>>())
             };
             prop_assert_eq!(bits(&back.answers), bits(&reply.answers));
             prop_assert_eq!(&back.answers.state, &reply.answers.state);

@@ -5,11 +5,12 @@ use std::time::Duration;
 use super::geometry::{
     intrinsics_from_wire, intrinsics_to_wire, pose_from_wire, pose_to_wire, required,
 };
+use super::language::text_to_wire;
 use super::query::{refusal_from_wire, refusal_to_wire};
 use super::{MAX_MESSAGE_BYTES, v1};
 use crate::error::{Error, Result};
 use crate::map::{Camera, Encoding, Output, Renderer};
-use crate::service::{ImageKind, ImageQuestion, ImageReply, MAX_IMAGE_BYTES};
+use crate::service::{ImageKind, ImageQuestion, ImageReply, MAX_IMAGE_BYTES, Sought};
 
 // An answer, its headers and those of its PNG files included, is one message.
 const _: () = assert!(MAX_IMAGE_BYTES + (1 << 20) <= MAX_MESSAGE_BYTES);
@@ -45,6 +46,7 @@ impl TryFrom<v1::RenderRequest> for ImageQuestion {
             camera,
             images: if images.is_empty() { USUAL.to_vec() } else { images },
             renderer: renderer_from_wire(message.renderer)?,
+            text: message.text.map(Sought::try_from).transpose()?,
             map_id: message.map_id,
             min_epoch: message.min_epoch,
             max_age: (message.max_age_ms > 0).then(|| Duration::from_millis(message.max_age_ms)),
@@ -74,6 +76,7 @@ pub fn image_question_to_wire(question: &ImageQuestion) -> v1::RenderRequest {
         min_epoch: question.min_epoch,
         // At least 1: a limit of 0 would read as none.
         max_age_ms: question.max_age.map_or(0, |age| (age.as_millis() as u64).max(1)),
+        text: question.text.as_ref().map(text_to_wire),
     }
 }
 
@@ -92,9 +95,10 @@ fn output_from_wire(field: &str, output: i32) -> Result<Output> {
         Ok(v1::ImageOutput::Normal) => Ok(Output::Normal),
         Ok(v1::ImageOutput::Opacity) => Ok(Output::Opacity),
         Ok(v1::ImageOutput::Unknown) => Ok(Output::Unknown),
+        Ok(v1::ImageOutput::Heat) => Ok(Output::Heat),
         Ok(v1::ImageOutput::Unspecified) | Err(_) => Err(Error::invalid(
             field,
-            format!("{output} is none of COLOR, DEPTH, NORMAL, OPACITY, UNKNOWN"),
+            format!("{output} is none of COLOR, DEPTH, NORMAL, OPACITY, UNKNOWN, HEAT"),
         )),
     }
 }
@@ -106,6 +110,7 @@ fn output_to_wire(output: Output) -> v1::ImageOutput {
         Output::Normal => v1::ImageOutput::Normal,
         Output::Opacity => v1::ImageOutput::Opacity,
         Output::Unknown => v1::ImageOutput::Unknown,
+        Output::Heat => v1::ImageOutput::Heat,
     }
 }
 
@@ -225,7 +230,7 @@ mod tests {
 
     prop_compose! {
         fn kinds()(
-            output in prop::sample::select(Output::ALL.to_vec()),
+            output in prop::sample::select([&Output::ALL[..], &[Output::Heat]].concat()),
             encoding in prop_oneof![
                 Just(Encoding::Png), Just(Encoding::F32), Just(Encoding::U8),
                 (1u8..=100).prop_map(|quality| Encoding::Jpeg { quality }),
@@ -241,7 +246,7 @@ mod tests {
             numbers in prop::array::uniform4(1.0f64..1e3),
             (width, height) in (0u32..5000, 0u32..5000),
             images in prop::collection::vec(kinds(), 1..9),
-            is_ray in any::<bool>(),
+            [is_ray, has_text] in any::<[bool; 2]>(),
             (min_epoch, max_age_ms) in (any::<u64>(), prop::option::of(1..u64::MAX)),
         ) -> ImageQuestion {
             let [fx, fy, cx, cy] = numbers;
@@ -255,6 +260,7 @@ mod tests {
                 },
                 images,
                 renderer: if is_ray { Renderer::Ray } else { Renderer::Tile },
+                text: has_text.then(|| Sought::words(&["somewhere to sit"])),
                 min_epoch,
                 max_age: max_age_ms.map(Duration::from_millis),
             }

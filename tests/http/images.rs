@@ -151,7 +151,7 @@ async fn bad_questions_are_refused_by_name_and_counted() {
         ("/v1/maps/attic/render", JSON, body.as_bytes(), 404),
         (RENDER, RAW, body.as_bytes(), 415),
         (RENDER, ("content-type", "text/plain"), body.as_bytes(), 415),
-        (RENDER, JSON, &[b' '; 5000][..], 413),
+        (RENDER, JSON, &[b' '; (1 << 20) + 1][..], 413),
         (RENDER, JSON, &b"{"[..], 400),
     ] {
         let reply = exchange(&server.http, request("POST", path, &[headers], body)).await;

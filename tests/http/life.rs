@@ -84,7 +84,7 @@ async fn a_server_tells_what_it_is_and_how_its_map_is() {
         assert_eq!(answer["map_id"], DEFAULT_MAP);
         assert_eq!((answer["epoch"].as_u64(), answer["bounds"].is_null()), (Some(4), false));
         assert_eq!(answer["newest_stamp_ns"].as_i64(), Some(grpc.summary.newest_stamp_ns));
-        assert_eq!(answer["modalities"], json!(["sdf", "occupancy", "radiance"]));
+        assert_eq!(answer["modalities"], json!(["sdf", "occupancy", "radiance", "language"]));
         let min = answer["bounds"]["min"].as_array().unwrap();
         let min: Vec<f32> = min.iter().map(|n| n.as_f64().unwrap() as f32).collect();
         assert_eq!(min, grpc.summary.bounds.min.to_array());

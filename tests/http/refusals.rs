@@ -221,7 +221,7 @@ fn state_and_size_cases() -> Vec<Case> {
             request("POST", POINTS, &[JSON], &vec![b' '; 100 << 20]),
             large,
             "body",
-            &["104857600", "68096"],
+            &["104857600", "326144"],
         ),
         other(
             "100 MB for nobody",

@@ -3,7 +3,7 @@
 mod bad_input;
 mod frames;
 pub(crate) mod images;
-mod language;
+pub(crate) mod language;
 mod lifecycle;
 mod maps;
 mod questions;

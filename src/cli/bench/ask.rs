@@ -1,5 +1,7 @@
 //! `orenx bench ask`: what language costs, in frames and in questions.
 
+mod words;
+
 use std::sync::Arc;
 
 use clap::Args;
@@ -8,6 +10,7 @@ use glam::Vec3;
 use super::clock::Clock;
 use super::figure::{Figure, Target, Unit, median, percentile};
 use super::printer::Printer;
+use crate::cli::encoder::EncoderArgs;
 use crate::config::{MapConfig, MapSettings};
 use crate::dataset::Dataset;
 use crate::dataset::synthetic::Synthetic;
@@ -41,6 +44,9 @@ pub(super) struct AskBenchArgs {
     /// Ask each question so many times
     #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     repeat: u32,
+    /// Ask the house in free words, too, with its classes' names embedded by this
+    #[command(flatten)]
+    encoder: EncoderArgs,
     /// Threads that draw
     #[arg(long, value_name = "N", default_value_t = 2)]
     threads: usize,
@@ -77,7 +83,11 @@ impl AskBenchArgs {
             Figure::new(&name, "codes", counts.bytes as f64, Unit::Bytes),
         ])?;
         let name = format!("{} vertices, {} atoms", counts.vertices, counts.atoms);
-        self.ask(&view, &frames, &name, out)
+        self.ask(&view, &frames, &name, out)?;
+        match self.encoder.open()? {
+            Some(encoder) => words::run(&data, &encoder, &self.settings(&[]), out),
+            None => Ok(()),
+        }
     }
 
     /// Questions of one prompt against as many negatives as there are by default.
@@ -147,12 +157,7 @@ impl AskBenchArgs {
 
     /// The map of all frames and how many of them it took in a second, publishing included.
     fn map(&self, frames: &[Frame], modalities: &[&str]) -> anyhow::Result<(Arc<MapView>, f64)> {
-        let settings = MapSettings {
-            modalities: modalities.iter().map(|name| (*name).to_owned()).collect(),
-            code_spacing_m: self.code_spacing,
-            ..MapSettings::default()
-        };
-        let mut mapper = Mapper::new(MapConfig::from_settings(&settings)?)?;
+        let mut mapper = Mapper::new(MapConfig::from_settings(&self.settings(modalities))?)?;
         let clock = Clock::start();
         let mut view = mapper.publish();
         for frame in frames {
@@ -160,6 +165,14 @@ impl AskBenchArgs {
             view = mapper.publish();
         }
         Ok((view, frames.len() as f64 / clock.elapsed().wall_s))
+    }
+
+    fn settings(&self, modalities: &[&str]) -> MapSettings {
+        MapSettings {
+            modalities: modalities.iter().map(|name| (*name).to_owned()).collect(),
+            code_spacing_m: self.code_spacing,
+            ..MapSettings::default()
+        }
     }
 
     /// A frame with a grid of patches, each with a noisy feature of the class in its middle.

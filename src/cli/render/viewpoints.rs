@@ -42,7 +42,7 @@ impl FromStr for Size {
 impl Size {
     /// A camera with square pixels that looks through the middle of its image, `fov` degrees wide from
     /// the left side of the first pixel to the right side of the last.
-    pub(super) fn intrinsics(self, fov: f64) -> Result<Intrinsics> {
+    pub(in crate::cli) fn intrinsics(self, fov: f64) -> Result<Intrinsics> {
         if !(1.0..=170.0).contains(&fov) {
             return Err(Error::invalid("fov", format!("{fov} must be within 1..=170 degrees")));
         }

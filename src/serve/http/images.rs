@@ -13,6 +13,7 @@ use serde::Deserialize;
 use utoipa::ToSchema;
 
 use super::body::{Most, Parts, receive};
+use super::language::Text;
 use super::media::Media;
 use super::openapi::{self, ImageRefusals};
 use super::options::check_integer;
@@ -25,8 +26,8 @@ use crate::map::{Camera, Encoding, Output, Renderer};
 use crate::service::{Call, ImageKind, ImageQuestion};
 use crate::wire::{EPOCH, HEIGHT, NEWEST_STAMP_NS, SERVER_US, WIDTH};
 
-/// The largest body: a dozen numbers.
-const BODY_BYTES: usize = 4096;
+/// The largest body: a dozen numbers, and words or fifty embeddings of a thousand numbers.
+const BODY_BYTES: usize = 1 << 20;
 
 /// A place and a camera.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -44,6 +45,8 @@ pub(super) struct RenderRequest {
     jpeg_quality: Option<u64>,
     /// `tile` by default, which is fast; `ray` is the reference.
     renderer: Option<ImageRenderer>,
+    /// What `heat` is the heat of.
+    text: Option<Text>,
     #[serde(default, deserialize_with = "whole")]
     #[schema(schema_with = schemas::min_epoch)]
     min_epoch: Option<u64>,
@@ -85,7 +88,8 @@ struct CameraIntrinsics {
 
 /// What an image shows: `color` in sRGB, black where there is none; `depth` along the optical axis, 0
 /// where there is no surface; `normal`, world axes, towards the camera's side; `opacity`, how much
-/// light the ray lost; `unknown`, whether the ray left what was observed before it met a surface.
+/// light the ray lost; `unknown`, whether the ray left what was observed before it met a surface; `heat`,
+/// how well `text` fits.
 #[derive(Debug, Clone, Copy, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 enum ImageOutput {
@@ -94,6 +98,7 @@ enum ImageOutput {
     Normal,
     Opacity,
     Unknown,
+    Heat,
 }
 
 /// `png`: 8 bits a channel (normals as 0..255 for -1..1, unknown as 0 or 255), depth as 16-bit grey in
@@ -190,6 +195,7 @@ fn question(
         Some(ImageOutput::Normal) => Output::Normal,
         Some(ImageOutput::Opacity) => Output::Opacity,
         Some(ImageOutput::Unknown) => Output::Unknown,
+        Some(ImageOutput::Heat) => Output::Heat,
     };
     let encoding = encoding(headers, output, request.encoding)?;
     let encoding = with_quality(encoding, request.jpeg_quality)?;
@@ -200,6 +206,7 @@ fn question(
             None | Some(ImageRenderer::Tile) => Renderer::Tile,
             Some(ImageRenderer::Ray) => Renderer::Ray,
         },
+        text: request.text.map(Text::sought).transpose()?,
         min_epoch: request.min_epoch.unwrap_or_default(),
         max_age: request.max_age_ms.filter(|ms| *ms > 0).map(Duration::from_millis),
         ..ImageQuestion::new(camera, vec![ImageKind { output, encoding }])
@@ -300,7 +307,7 @@ mod tests {
             (r#","encoding":"jpeg","jpeg_quality":256"#, ["jpeg_quality: ", "1..=100"]),
             (r#","encoding":"jpeg","output":"depth""#, ["encoding: ", "not for depth"]),
             (r#","encoding":"gif""#, ["encoding: ", "gif"]),
-            (r#","output":"heat""#, ["output: ", "heat"]),
+            (r#","output":"warmth""#, ["output: ", "warmth"]),
             (r#","min_epoch":-1"#, ["min_epoch: ", "-1"]),
             (r#","pose":1"#, ["pose: ", "unknown field"]),
         ] {

@@ -6,8 +6,8 @@ use std::time::Duration;
 pub(super) const RAW_POINT_BYTES: usize = 12;
 /// Room for a point in a JSON body: three numbers of 20 digits and what is between them.
 const JSON_POINT_BYTES: usize = 64;
-/// Room for the rest of a JSON body.
-const JSON_OPTIONS_BYTES: usize = 4096;
+/// Room for the rest of a JSON body: words, or ten embeddings of a thousand numbers.
+const JSON_OPTIONS_BYTES: usize = 256 << 10;
 /// A pixel of the largest image: three f32.
 const PIXEL_BYTES: usize = 12;
 /// Memory of the bodies under way, in bodies and in images of the largest size.

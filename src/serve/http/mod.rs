@@ -2,8 +2,10 @@
 //! document that describes them.
 
 mod body;
+mod found;
 mod guard;
 mod images;
+mod language;
 mod limits;
 mod listen;
 mod maps;
@@ -97,7 +99,7 @@ impl Edge {
 }
 
 /// Every path, for the counters and for the tests of the document.
-const ROUTES: [&str; 12] = [
+const ROUTES: [&str; 16] = [
     "/",
     "/healthz",
     "/livez",
@@ -110,11 +112,15 @@ const ROUTES: [&str; 12] = [
     "/v1/maps/{map}/reset",
     "/v1/maps/{map}/query/points",
     "/v1/maps/{map}/render",
+    "/v1/maps/{map}/query/text",
+    "/v1/maps/{map}/query/embedding",
+    "/v1/maps/{map}/classify",
+    "/v1/maps/{map}/encoders",
 ];
 
 fn router(edge: Arc<Edge>) -> Router {
     let [root, healthz, livez, readyz, metrics, openapi, rest @ ..] = ROUTES;
-    let [maps, map, stats, reset, points, render] = rest;
+    let [maps, map, stats, reset, points, render, text, embedding, classify, encoders] = rest;
     Router::new()
         .route(root, get(probes::about))
         .route(healthz, get(probes::healthy))
@@ -128,6 +134,10 @@ fn router(edge: Arc<Edge>) -> Router {
         .route(reset, post(maps::reset))
         .route(points, post(points::query))
         .route(render, post(images::render))
+        .route(text, post(language::text))
+        .route(embedding, post(language::embedding))
+        .route(classify, post(language::classify))
+        .route(encoders, get(language::encoders))
         .fallback(|uri: Uri| async move { Refusal::no_route(uri.path()) })
         .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
             Refusal::wrong_method(method, uri.path())

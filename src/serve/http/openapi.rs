@@ -3,16 +3,17 @@
 use std::collections::BTreeMap;
 
 use bytes::Bytes;
-use serde_json::json;
+use serde_json::{Value, json};
 use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
 use utoipa::{IntoParams, IntoResponses, OpenApi, ToSchema};
 
 use super::limits::Limits;
-use super::{images, maps, points, probes, refusal};
+use super::{images, language, maps, points, probes, refusal};
 
 #[derive(OpenApi)]
 #[openapi(
-    info(description = "A map server for robots: signed distance, occupancy and color, asked over HTTP. \
+    info(description = "A map server for robots: signed distance, occupancy and color, asked over HTTP, \
+        and what is where, in words. \
         Metres, seconds, world axes with z up; distance positive in free space. Every error is \
         JSON of one shape. A client that waits no longer than so many milliseconds says it in the \
         header `orenx-timeout-ms`, with any request."),
@@ -20,14 +21,16 @@ use super::{images, maps, points, probes, refusal};
     paths(
         probes::about, probes::healthy, probes::alive, probes::ready, probes::metrics,
         probes::openapi, maps::list, maps::detail, maps::stats, maps::reset, points::query,
-        images::render
+        images::render, language::text, language::embedding, language::classify,
+        language::encoders
     ),
     components(schemas(refusal::ErrorReply)),
     tags(
         (name = "server", description = "Who is there, and is it well?"),
         (name = "maps", description = "Which maps there are and how they are."),
         (name = "query", description = "Questions about places."),
-        (name = "render", description = "Images from places.")
+        (name = "render", description = "Images from places."),
+        (name = "language", description = "Questions in words, or in an encoder's numbers.")
     )
 )]
 struct Document;
@@ -35,22 +38,55 @@ struct Document;
 /// The document of a server with these limits, as JSON.
 pub(super) fn document(limits: &Limits) -> Bytes {
     let mut document = json!(Document::openapi());
-    let points = "/components/schemas/PointsRequest/properties/points_m";
-    if let Some(points) = document.pointer_mut(points) {
-        points["maxItems"] = json!(limits.max_points);
+    for request in ["PointsRequest", "ClassifyRequest"] {
+        let points = format!("/components/schemas/{request}/properties/points_m");
+        if let Some(points) = document.pointer_mut(&points) {
+            points["maxItems"] = json!(limits.max_points);
+        }
+    }
+    let either = [
+        ("Text", ["prompts", "negatives"], ["encoder_id", "prompt_embeddings"]),
+        ("ClassifyRequest", ["classes", "classes"], ["encoder_id", "class_embeddings"]),
+    ];
+    for (name, words, embeddings) in either {
+        if let Some(schema) = document.pointer_mut(&format!("/components/schemas/{name}")) {
+            schema["oneOf"] = words_or_embeddings(words, embeddings);
+        }
     }
     if let Some(request) = document.pointer_mut("/components/schemas/PointsRequest") {
-        // A distance for unknown points needs a policy that uses it.
-        request["if"] = json!({
-            "required": ["unknown_distance_m"],
-            "properties": { "unknown_distance_m": { "type": "number" } }
-        });
-        request["then"] = json!({
-            "required": ["unknown_policy"],
-            "properties": { "unknown_policy": { "enum": ["free", "occupied"] } }
-        });
+        // A distance for unknown points needs a policy that uses it, and a text score a text.
+        request["allOf"] = json!([{
+            "if": {
+                "required": ["unknown_distance_m"],
+                "properties": { "unknown_distance_m": { "type": "number" } }
+            },
+            "then": {
+                "required": ["unknown_policy"],
+                "properties": { "unknown_policy": { "enum": ["free", "occupied"] } }
+            }
+        }, {
+            "if": {
+                "required": ["fields"],
+                "properties": { "fields": { "type": "array", "contains": { "const": "text_score" } } }
+            },
+            "then": { "required": ["text"], "properties": { "text": { "type": "object" } } }
+        }]);
     }
     Bytes::from(document.to_string())
+}
+
+/// Words, of which the first list is needed, or an encoder and its embeddings, never both.
+fn words_or_embeddings(words: [&str; 2], embeddings: [&str; 2]) -> Value {
+    let none = json!({ "type": "null" });
+    let [encoder_id, numbers] = embeddings;
+    json!([
+        { "required": [words[0]],
+          "properties": { words[0]: { "type": "array" }, encoder_id: none, numbers: none,
+                          "negative_embeddings": none } },
+        { "required": [encoder_id, numbers],
+          "properties": { words[0]: none, words[1]: none, encoder_id: { "type": "string" },
+                          numbers: { "type": "array" } } }
+    ])
 }
 
 /// Numbers as they lie in memory, little-endian.
@@ -125,7 +161,9 @@ fn meaning(status: u16) -> &'static str {
         404 => "NOT_FOUND: no such map.",
         406 => "NOT_ACCEPTABLE: there is no answer in the form that `accept` asks for.",
         408 => "REQUEST_TIMEOUT: the body did not arrive in time.",
-        409 => "FAILED_PRECONDITION: the map is not as new as the question demands.",
+        409 => {
+            "FAILED_PRECONDITION: the map is not as new as the question demands, or of another encoder."
+        }
         413 => "PAYLOAD_TOO_LARGE: more than the largest question takes, by `server.max_points`.",
         415 => "UNSUPPORTED_MEDIA_TYPE: the body is none of the forms that are read here.",
         429 => "RESOURCE_EXHAUSTED: a bound was reached; try again later.",

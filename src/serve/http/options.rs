@@ -11,7 +11,7 @@ use super::refusal::Refusal;
 use crate::error::Error;
 use crate::map::Fields;
 use crate::service::{
-    PointsQuestion, Unknown, UnknownPolicy, check_frame_id, check_unknown_distance,
+    PointsQuestion, Sought, Unknown, UnknownPolicy, check_frame_id, check_unknown_distance,
 };
 
 /// A column.
@@ -23,6 +23,9 @@ pub(super) enum Field {
     Occupancy,
     State,
     Color,
+    /// Needs `text`.
+    #[serde(rename = "text_score")]
+    TextScore,
 }
 
 /// How an answer treats what nobody has seen: `report` with null (raw: NaN), `free` as open space,
@@ -45,17 +48,20 @@ pub(super) struct Options {
     pub(super) max_age_ms: Option<u64>,
     pub(super) unknown_policy: Option<Policy>,
     pub(super) unknown_distance_m: Option<f32>,
+    /// What is scored; in a query string words alone, with commas between them.
+    pub(super) text: Option<Sought>,
 }
 
 /// The largest integer that JSON readers in all languages hold exactly: 2^53 - 1.
 pub(super) const MAX_INTEGER: u64 = (1 << 53) - 1;
 
-const FIELDS: [(&str, Field); 5] = [
+const FIELDS: [(&str, Field); 6] = [
     ("distance", Field::Distance),
     ("gradient", Field::Gradient),
     ("occupancy", Field::Occupancy),
     ("state", Field::State),
     ("color", Field::Color),
+    ("text_score", Field::TextScore),
 ];
 const POLICIES: [(&str, Policy); 3] =
     [("report", Policy::Report), ("free", Policy::Free), ("occupied", Policy::Occupied)];
@@ -64,10 +70,11 @@ impl Options {
     /// Reads a query string; a key that does not exist, or twice, is an error. Values are checked even
     /// if the body has others.
     pub(super) fn of_query(query: Option<&str>) -> Result<Self, Refusal> {
-        let mut options = Self::default();
+        let (mut options, mut prompts, mut negatives) = (Self::default(), None, None);
         for pair in query.unwrap_or_default().split('&').filter(|pair| !pair.is_empty()) {
             let (key, value) = pair.split_once('=').unwrap_or((pair, ""));
-            let (key, value) = (decoded(key)?, decoded(value)?);
+            let (key, text) = (decoded(key)?, value);
+            let value = decoded(text)?;
             let is_first = match key.as_str() {
                 "frame_id" => {
                     check_frame_id(&value)?;
@@ -85,10 +92,12 @@ impl Options {
                     check_unknown_distance(distance_m)?;
                     options.unknown_distance_m.replace(distance_m).is_none()
                 }
+                "prompts" => prompts.replace(words(text)?).is_none(),
+                "negatives" => negatives.replace(words(text)?).is_none(),
                 _ => {
                     let shown: String = key.chars().take(64).collect();
                     let known = "frame_id, fields, min_epoch, max_age_ms, unknown_policy, \
-                                 unknown_distance_m";
+                                 unknown_distance_m, prompts, negatives";
                     return Err(Error::invalid(shown, format!("is none of {known}")).into());
                 }
             };
@@ -96,6 +105,11 @@ impl Options {
                 return Err(Error::invalid(key, "is there twice").into());
             }
         }
+        options.text = match (prompts, negatives) {
+            (Some(prompts), negatives) => Some(Sought::Words { prompts, negatives }),
+            (None, None) => None,
+            (None, Some(_)) => return Err(Error::invalid("negatives", "need prompts").into()),
+        };
         options.check()?;
         Ok(options)
     }
@@ -115,6 +129,7 @@ impl Options {
             max_age_ms: self.max_age_ms.or(other.max_age_ms),
             unknown_policy: self.unknown_policy.or(other.unknown_policy),
             unknown_distance_m: self.unknown_distance_m.or(other.unknown_distance_m),
+            text: self.text.or(other.text),
         }
     }
 
@@ -132,8 +147,9 @@ impl Options {
                 occupancy: has(Field::Occupancy),
                 state: has(Field::State),
                 color: has(Field::Color),
-                ..Fields::NONE
+                text_score: self.text.is_some() || fields.contains(&Field::TextScore),
             },
+            text: self.text,
             min_epoch: self.min_epoch.unwrap_or_default(),
             max_age: self.max_age_ms.filter(|ms| *ms > 0).map(Duration::from_millis),
             unknown: Unknown {
@@ -163,6 +179,11 @@ fn decoded(text: &str) -> Result<String, Refusal> {
     let spaced = text.replace('+', " ");
     let decoded = percent_decode_str(&spaced).decode_utf8();
     Ok(decoded.map_err(|_| Error::invalid("query string", "is not UTF-8"))?.into_owned())
+}
+
+/// Words between commas; a comma of a word is written as %2C.
+fn words(text: &str) -> Result<Vec<String>, Refusal> {
+    text.split(',').filter(|word| !word.is_empty()).map(decoded).collect()
 }
 
 fn list(text: &str) -> Result<Vec<Field>, Refusal> {
@@ -199,7 +220,7 @@ mod tests {
         assert_eq!(Options::of_query(None).expect("none"), Options::default());
         assert_eq!(read("").expect("none"), Options::default());
         let all = "fields=state,distance&min_epoch=4&max_age_ms=500&unknown_policy=free\
-                   &unknown_distance_m=1.5&frame_id=m%61p";
+                   &unknown_distance_m=1.5&frame_id=m%61p&prompts=red+chair,a%2Cb&negatives=";
         let expected = Options {
             frame_id: Some("map".into()),
             fields: Some(vec![Field::State, Field::Distance]),
@@ -207,6 +228,10 @@ mod tests {
             max_age_ms: Some(500),
             unknown_policy: Some(Policy::Free),
             unknown_distance_m: Some(1.5),
+            text: Some(Sought::Words {
+                prompts: vec!["red chair".into(), "a,b".into()],
+                negatives: Some(Vec::new()),
+            }),
         };
         assert_eq!(read(all).expect(all), expected);
         for (text, words) in [
@@ -221,6 +246,7 @@ mod tests {
             ("frame_id=odom", ["frame_id: ", "map"]),
             ("min_epoch=9007199254740992", ["min_epoch: ", "9007199254740991"]),
             ("min_epoch=1&min_epoch=1", ["min_epoch: ", "twice"]),
+            ("negatives=wall", ["negatives: ", "need prompts"]),
             ("frame_id=%ff", ["query string: ", "UTF-8"]),
         ] {
             let problem = format!("{:?}", read(text).expect_err(text));

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::body::{Most, Parts, Received, Share, receive};
+use super::language::Text;
 use super::limits::RAW_POINT_BYTES;
 use super::media::Media;
 use super::openapi::{self, PointRefusals};
@@ -27,7 +28,7 @@ use crate::wire::{COLUMNS, EPOCH, NEWEST_STAMP_NS, POINTS, SERVER_US, columns_to
 /// JSON of more bytes than this is read and written off the network threads.
 const IN_PLACE_BYTES: usize = 64 << 10;
 /// About what a point takes in a JSON answer, bytes.
-const JSON_ANSWER_BYTES: usize = 96;
+const JSON_ANSWER_BYTES: usize = 112;
 
 /// A question about points. What it leaves out may stand in the query string.
 #[derive(Debug, Deserialize, ToSchema)]
@@ -49,6 +50,8 @@ pub(super) struct PointsRequest {
     unknown_policy: Option<Policy>,
     #[schema(schema_with = schemas::unknown_distance)]
     unknown_distance_m: Option<f32>,
+    /// What `text_score` is the score of; with it that column is answered too.
+    text: Option<Text>,
 }
 
 /// Columns in the order of the points; one that was not asked for, or that the map does not have, is
@@ -76,6 +79,9 @@ pub(super) struct PointsAnswer {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(schema_with = schemas::colors, required = false)]
     color: Option<Vec<Vec3>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(schema_with = schemas::text_scores, required = false)]
+    text_score: Option<Vec<f32>>,
 }
 
 /// Distance, gradient, occupancy, state and color at points
@@ -143,6 +149,7 @@ async fn read_json(edge: &Edge, body: Body) -> Result<(Vec<Vec3>, Options, Share
         max_age_ms: request.max_age_ms,
         unknown_policy: request.unknown_policy,
         unknown_distance_m: request.unknown_distance_m,
+        text: request.text.map(Text::sought).transpose()?,
     };
     options.check()?;
     Ok((request.points_m, options, share))
@@ -175,6 +182,7 @@ fn write_json(reply: PointsReply, fields: Fields, points: usize) -> Result<Vec<u
         occupancy: column(fields.occupancy, answers.occupancy, points),
         state: column(fields.state, answers.state, points),
         color: column(fields.color, answers.color, points),
+        text_score: column(fields.text_score, answers.text_score, points),
     };
     serde_json::to_vec(&answer)
         .map_err(|e| Error::Internal(format!("an answer did not become JSON: {e}")).into())
@@ -198,7 +206,7 @@ fn write_raw(reply: PointsReply, fields: Fields, points: usize, share: Share) ->
 }
 
 /// Does `work` here if it is small, and where it holds nobody up if it is not.
-async fn off_thread<T: Send + 'static>(
+pub(super) async fn off_thread<T: Send + 'static>(
     bytes: usize,
     work: impl FnOnce() -> Result<T, Refusal> + Send + 'static,
 ) -> Result<T, Refusal> {

@@ -7,8 +7,10 @@ use utoipa::openapi::schema::{
 use utoipa::openapi::{ObjectBuilder, Schema};
 
 use super::options::MAX_INTEGER;
+use crate::encoder::MAX_TEXT_BYTES;
+use crate::frame::MAX_DIMENSION;
 use crate::geometry::MAX_COORDINATE_M;
-use crate::service::MAP_FRAME;
+use crate::service::{MAP_FRAME, MAX_CLASSES, MAX_MATCHES, MAX_PROMPTS};
 
 fn integer_or_null() -> ObjectBuilder {
     ObjectBuilder::new()
@@ -73,6 +75,92 @@ pub(super) fn colors() -> Schema {
     let text = "[r, g, b] of the surface close by, sRGB within 0..1; three nulls where none was seen \
                 with a color, whatever the unknown_policy.";
     list(three(number(&[Type::Null]))).description(Some(text)).into()
+}
+
+pub(super) fn text_scores() -> Schema {
+    let text = "How well the text fits: a relevancy within 0..1, or a cosine where there are no \
+                negatives; null away from surfaces that were seen with features.";
+    list(number(&[Type::Null])).description(Some(text)).into()
+}
+
+// Language.
+
+fn texts(types: &[Type], most: usize) -> ArrayBuilder {
+    let types = [&[Type::Array], types].concat();
+    // Any character takes at most four bytes.
+    let text = ObjectBuilder::new()
+        .schema_type(SchemaType::new(Type::String))
+        .min_length(Some(1))
+        .max_length(Some(MAX_TEXT_BYTES / 4))
+        .pattern(Some(r"\S"));
+    list(text).schema_type(SchemaType::from_iter(types)).max_items(Some(most))
+}
+
+fn vectors(types: &[Type]) -> ArrayBuilder {
+    let types = [&[Type::Array], types].concat();
+    let bound = f64::from(f32::MAX);
+    let vector = list(number(&[]).minimum(Some(-bound)).maximum(Some(bound)));
+    list(vector.min_items(Some(1)).max_items(Some(MAX_DIMENSION)))
+        .schema_type(SchemaType::from_iter(types))
+        .max_items(Some(MAX_PROMPTS))
+}
+
+pub(super) fn words() -> Schema {
+    let text = "What is looked for, each of at most 512 bytes.";
+    texts(&[], MAX_PROMPTS).min_items(Some(1)).description(Some(text)).into()
+}
+
+pub(super) fn negatives() -> Schema {
+    let text = "What it is compared with. Left out: object, things, stuff and texture; none: scores \
+                are cosines.";
+    texts(&[Type::Null], MAX_PROMPTS).description(Some(text)).into()
+}
+
+pub(super) fn class_names() -> Schema {
+    let text = "Names of classes, each of at most 512 bytes.";
+    texts(&[Type::Null], MAX_CLASSES).min_items(Some(1)).description(Some(text)).into()
+}
+
+pub(super) fn embeddings() -> Schema {
+    let text = "Embeddings of the map's encoder, of any length but 0.";
+    vectors(&[]).min_items(Some(1)).description(Some(text)).into()
+}
+
+/// Where words may stand instead.
+pub(super) fn embeddings_or_null() -> Schema {
+    let text = "Embeddings of the map's encoder, of any length but 0.";
+    vectors(&[Type::Null]).min_items(Some(1)).description(Some(text)).into()
+}
+
+pub(super) fn words_or_null() -> Schema {
+    let text = "What is looked for, each of at most 512 bytes.";
+    texts(&[Type::Null], MAX_PROMPTS).min_items(Some(1)).description(Some(text)).into()
+}
+
+pub(super) fn negative_embeddings() -> Schema {
+    let text = "What they are compared with; none: scores are cosines.";
+    vectors(&[Type::Null]).description(Some(text)).into()
+}
+
+pub(super) fn class_scores() -> Schema {
+    let text = "The cosine of the class; null where there is none.";
+    list(number(&[Type::Null])).description(Some(text)).into()
+}
+
+pub(super) fn corner() -> Schema {
+    let bound = f64::from(f32::MAX);
+    three(number(&[]).minimum(Some(-bound)).maximum(Some(bound))).into()
+}
+
+pub(super) fn min_score() -> Schema {
+    let text = "Places that score less do not count. Left out: 0.5 with negatives, 0.2 without.";
+    let score = number(&[Type::Null]).minimum(Some(-1.0)).maximum(Some(1.0));
+    score.description(Some(text)).into()
+}
+
+pub(super) fn top_k() -> Schema {
+    let text = "At most so many matches; 10 by default.";
+    integer_or_null().maximum(Some(MAX_MATCHES)).description(Some(text)).into()
 }
 
 // Cameras.

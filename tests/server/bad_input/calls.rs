@@ -16,7 +16,9 @@ const RESET: &str = "/orenx.v1.Maps/ResetMap";
 const FRAMES: &str = "/orenx.v1.Ingest/StreamFrames";
 const IMAGE: &str = "/orenx.v1.Render/Render";
 const IMAGES: &str = "/orenx.v1.Render/RenderStream";
-const EVERY: &[&str] = &[POINTS, QUESTIONS, STATS, RESET, FRAMES, IMAGE, IMAGES];
+const TEXT: &str = "/orenx.v1.Language/QueryText";
+const CLASSES: &str = "/orenx.v1.Language/Classify";
+const EVERY: &[&str] = &[POINTS, QUESTIONS, STATS, RESET, FRAMES, IMAGE, IMAGES, TEXT, CLASSES];
 const GARBAGE: &[&str] = &["no valid protobuf"];
 
 /// What is sent, to whom, with which time limit, whether the client goes on talking, and what it
@@ -75,7 +77,7 @@ fn no_calls() -> Vec<Bad> {
         bad("a compressed message", EVERY, compressed, Internal, &["grpc-encoding"]),
         huge("10 million points", &[POINTS, QUESTIONS], sent(&question(DEFAULT_MAP, 10_000_000))),
         huge("100 MB", EVERY, envelope(&vec![0; 100_000_000])),
-        no_such(&["/orenx.v1.Query/QueryText"]),
+        no_such(&["/orenx.v1.Query/QueryFuture"]),
         Bad {
             timeout: Some("20m"),
             is_open: true,

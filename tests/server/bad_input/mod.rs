@@ -27,7 +27,7 @@ async fn well(server: &Running) -> FrameCounts {
 
 /// How many calls of `path` ended with `code`.
 async fn ended(server: &Running, path: &str, code: Code) -> f64 {
-    let rpc = if path.contains("QueryText") { "other" } else { &path[1..] };
+    let rpc = if path.contains("QueryFuture") { "other" } else { &path[1..] };
     // As in `InvalidArgument`, but written as everywhere else.
     let mut name = String::new();
     for letter in format!("{code:?}").chars() {
