@@ -11,11 +11,11 @@ export ORENX_TEST_DATA := $(or $(realpath $(ORENX_TEST_DATA)),$(ORENX_TEST_DATA)
 # One optimised profile for all, so that a fresh machine compiles the dependencies once.
 CARGO_FLAGS := --release --locked
 
-.PHONY: demo test lint setup setup-test setup-lint
+.PHONY: demo test lint setup setup-demo setup-test setup-lint
 .DEFAULT_GOAL := demo
 
-demo: setup
-	cargo run $(CARGO_FLAGS) -- demo
+demo: setup-demo
+	cargo run $(CARGO_FLAGS) -- demo --encoder static:target/encoders/static
 
 # Where the encoders and the tools are that tests call. A test without these says that it is skipped.
 test: export ORENX_TEST_ENCODERS := $(CURDIR)/target/encoders
@@ -34,6 +34,9 @@ lint: setup-lint
 
 setup:
 	.ci/setup build
+
+setup-demo:
+	.ci/setup demo
 
 setup-test:
 	.ci/setup test

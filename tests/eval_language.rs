@@ -88,17 +88,17 @@ fn classes_of_a_labelled_house_are_judged() {
     let map = house.map("house.orenx", &["--encoder", &words]);
     let (report, printed) = house.judge(&map, &["--encoder", &words]);
     let language = &report["language"];
-    println!("{language}");
+    // Sixteen small frames say nothing of a part of what they see from afar.
     for (key, least) in [
-        ("miou_3d", 0.75),
-        ("macc_3d", 0.85),
-        ("map_3d", 0.85),
-        ("known_share_3d", 0.9),
-        ("miou_2d", 0.7),
-        ("macc_2d", 0.8),
+        ("miou_3d", 0.9),
+        ("macc_3d", 0.94),
+        ("map_3d", 0.95),
+        ("known_share_3d", 0.7),
+        ("miou_2d", 0.75),
+        ("macc_2d", 0.84),
         ("map_2d", 0.8),
-        ("known_share_2d", 0.8),
-        ("cosine", 0.85),
+        ("known_share_2d", 0.7),
+        ("cosine", 0.95),
     ] {
         let value = number(language, key);
         assert!((least..=1.0).contains(&value), "{key} is {value}: {language}");

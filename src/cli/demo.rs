@@ -3,6 +3,7 @@
 
 mod curl;
 mod view;
+mod words;
 
 use std::io::IsTerminal;
 use std::num::NonZeroUsize;
@@ -16,6 +17,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use tokio::sync::oneshot;
 
 use self::view::View;
+use super::encoder::EncoderArgs;
 use super::invocation::invocation;
 use super::serve::interrupted;
 use crate::client::{Client, Pace, StreamReport, load_ahead, send};
@@ -49,17 +51,24 @@ const SEED: u32 = 7;
 /// On a terminal it stays up and answers until Ctrl-C. Without one it asks the questions that it
 /// prints, compares the answers with the room, and ends.
 #[derive(Debug, Args)]
-pub struct DemoArgs {}
+pub struct DemoArgs {
+    /// The robot says what it sees, in words that this embeds
+    #[command(flatten)]
+    encoder: EncoderArgs,
+}
 
 impl DemoArgs {
     pub fn run(self) -> anyhow::Result<()> {
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
-        runtime.block_on(demo())
+        runtime.block_on(demo(self.encoder))
     }
 }
 
-async fn demo() -> anyhow::Result<()> {
-    let (mut config, map) = ServerConfig::from_settings(&Settings::default())?;
+async fn demo(encoder: EncoderArgs) -> anyhow::Result<()> {
+    let mut settings = Settings::default();
+    let says = encoder.settings().is_some();
+    settings.encoder = encoder.settings().cloned().unwrap_or_default();
+    let (mut config, map) = ServerConfig::from_settings(&settings)?;
     config.storage = None; // a demo leaves no map behind, and finds none
     let listeners = listen(&mut config).await?;
     let grpc = format!("grpc://{}", listeners.grpc_address()?);
@@ -74,7 +83,7 @@ async fn demo() -> anyhow::Result<()> {
         let _ = stopped.await;
     }));
     let shown = tokio::select! {
-        shown = show(&grpc, &http) => shown,
+        shown = show(&grpc, &http, says) => shown,
         () = interrupted() => {
             println!("\nstopping");
             Ok(())
@@ -106,7 +115,8 @@ async fn listen(config: &mut ServerConfig) -> anyhow::Result<Listeners> {
     }
 }
 
-async fn show(grpc: &str, http: &str) -> anyhow::Result<()> {
+/// `says`: the robot sends the classes that it sees, too.
+async fn show(grpc: &str, http: &str, says: bool) -> anyhow::Result<()> {
     let watched = std::io::stdout().is_terminal();
     let frames = if watched { FRAMES_WATCHED } else { FRAMES_UNWATCHED };
     let room = Arc::new(Synthetic::room(frames).with_width(WIDTH));
@@ -114,7 +124,7 @@ async fn show(grpc: &str, http: &str) -> anyhow::Result<()> {
     let questions = questions(&room);
     let view = View::new(&room, 0);
 
-    let report = drive(&client, room.clone(), watched).await?;
+    let report = drive(&client, room.clone(), watched, says).await?;
     println!(
         "the robot sent {} frames, {} are in the map ({:.1} frames/s), epoch {}",
         report.settled,
@@ -130,6 +140,9 @@ async fn show(grpc: &str, http: &str) -> anyhow::Result<()> {
     println!(
         "  {program} render {http} --orbit 12 --out views   # the room from around its middle"
     );
+    if says {
+        println!("  {}", words::line(&program, http));
+    }
     let posted = curl::body(questions.iter().map(|q| q.point));
     println!("\nor without orenx:\n{}\n{}", curl::lines(http, &posted), view.line(http));
     if watched {
@@ -137,6 +150,9 @@ async fn show(grpc: &str, http: &str) -> anyhow::Result<()> {
         return std::future::pending().await;
     }
     check(&client, &questions, report.epoch, (http, posted)).await?;
+    if says {
+        words::check(&client, &room, report.epoch).await?;
+    }
     view.check(http, &room).await
 }
 
@@ -145,6 +161,7 @@ async fn drive(
     client: &Client,
     room: Arc<Synthetic>,
     watched: bool,
+    says: bool,
 ) -> anyhow::Result<StreamReport> {
     let pace = Pace {
         map_id: DEFAULT_MAP.into(),
@@ -153,7 +170,7 @@ async fn drive(
         window: WINDOW,
     };
     let frames = room.len();
-    let source = load_ahead(room, 0..frames, false, |frame| {
+    let source = load_ahead(room, 0..frames, says, |frame| {
         frame.robot_id = "demo".into();
         frame.stamp_ns = now_ns();
     })?;

@@ -15,6 +15,11 @@ pub(super) struct EncoderArgs {
 }
 
 impl EncoderArgs {
+    /// What was asked for.
+    pub(super) fn settings(&self) -> Option<&EncoderSettings> {
+        self.encoder.as_ref()
+    }
+
     /// The encoder, where one was asked for.
     pub(super) fn open(&self) -> Result<Option<TextEncoder>> {
         self.encoder.as_ref().map_or(Ok(None), TextEncoder::open)

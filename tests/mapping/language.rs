@@ -3,7 +3,7 @@
 
 use glam::Vec3;
 
-use orenx::config::{CodeForm, MapConfig};
+use orenx::config::{CodeForm, DictionaryKind, MapConfig, MapSettings};
 use orenx::dataset::Dataset;
 use orenx::dataset::synthetic::Synthetic;
 use orenx::dataset::synthetic::moved_box::{AFTER, BEFORE, EDGE_M};
@@ -11,6 +11,7 @@ use orenx::frame::{Contract, FeatureImage, Frame, NO_FEATURE};
 use orenx::map::{
     Camera, Channels, FindSettings, MapView, Mapper, Match, RenderSettings, query_pool, render_with,
 };
+use orenx::numpy::write_array;
 use orenx::storage;
 
 use super::lite;
@@ -202,7 +203,7 @@ fn features_of_another_encoder_are_refused_and_change_nothing() {
 fn patches_of_a_grid_blend_into_each_other() {
     let data = Synthetic::removed_box(20, 20).with_width(160);
     let mut config = lite(0);
-    config.language.dictionary = orenx::config::DictionaryKind::Full;
+    config.language.dictionary = DictionaryKind::Full;
     let mut mapper = Mapper::new(config).unwrap();
     let mut frame = data.load(0, false).unwrap();
     // From the first axis at the left to the second at the right.
@@ -232,4 +233,75 @@ fn patches_of_a_grid_blend_into_each_other() {
         checked += 1;
     }
     assert!(checked > 20 && worst < 0.12, "{worst} rad at worst of {checked}");
+}
+
+/// What a reader holds is of one moment: codes, atoms and the scores that they give.
+#[test]
+fn a_view_keeps_its_atoms_while_the_map_learns_others() {
+    let data = Synthetic::removed_box(20, 20).with_width(160);
+    let mut mapper = Mapper::new(lite(0)).unwrap();
+    let mut floor = frame(&data, 0, BEFORE);
+    if let Some(index) = floor.features.as_mut().and_then(|features| features.index.as_mut()) {
+        index.iter_mut().filter(|class| **class == 1).for_each(|class| *class = 0);
+    }
+    mapper.integrate(&floor).unwrap();
+    let old = mapper.publish();
+    let said = find(&old);
+    let (points, _) = seen(&floor, BEFORE);
+    let text = old.scorer(&[direction(2)], &[direction(0)]).unwrap();
+    let scores = old.text_scores(&points, &text);
+    let atoms = old.language().unwrap().atoms;
+    for index in 1..6 {
+        mapper.integrate(&frame(&data, index, BEFORE)).unwrap();
+    }
+    let new = mapper.publish();
+    assert!(new.language().unwrap().atoms > atoms, "the box is a direction of its own");
+    assert_eq!((old.language().unwrap().atoms, find(&old)), (atoms, said));
+    let again = old.text_scores(&points, &text);
+    assert!(scores.iter().zip(&again).all(|(a, b)| a.to_bits() == b.to_bits()));
+    assert!(find(&new)[0].centroid.distance(BEFORE) < 0.5 * EDGE_M);
+}
+
+#[test]
+fn atoms_of_a_file_are_taken_once_and_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("atoms.npy");
+    // The classes' directions, made orthonormal.
+    let mut atoms: Vec<Vec<f32>> = Vec::new();
+    for class in 0..3 {
+        let mut atom = direction(class);
+        for other in &atoms {
+            let along: f32 = atom.iter().zip(other).map(|(a, b)| a * b).sum();
+            atom.iter_mut().zip(other).for_each(|(a, b)| *a -= along * b);
+        }
+        let length = atom.iter().map(|x| x * x).sum::<f32>().sqrt();
+        atoms.push(atom.into_iter().map(|x| x / length).collect());
+    }
+    let mut bytes = Vec::new();
+    write_array(&mut bytes, &[3, DIMENSION], &atoms.concat()).unwrap();
+    std::fs::write(&path, bytes).unwrap();
+    let settings = MapSettings {
+        dictionary: path.display().to_string(),
+        steps: Some(0),
+        ..MapSettings::default()
+    };
+    let config = || MapConfig::from_settings(&settings);
+    let data = Synthetic::removed_box(20, 20).with_width(160);
+    let mut mapper = mapped(config().unwrap(), &data, 0..3);
+    let view = mapper.publish();
+    assert_eq!(view.language().unwrap().atoms, 3);
+    assert!(find(&view)[0].centroid.distance(BEFORE) < 0.5 * EDGE_M);
+    let map = folder.path().join("map");
+    storage::save(&mut mapper, &map, false).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let mut resumed = storage::load(&map).unwrap();
+    resumed.integrate(&frame(&data, 3, BEFORE)).unwrap();
+    assert_eq!(resumed.publish().language().unwrap().atoms, 3);
+    let missing = Mapper::new(config().unwrap()).err().unwrap().to_string();
+    assert!(missing.contains("atoms.npy"), "{missing}");
+    for dictionary in ["offline", "atoms.txt", ""] {
+        let wrong = MapSettings { dictionary: dictionary.into(), ..MapSettings::default() };
+        let problem = MapConfig::from_settings(&wrong).unwrap_err().to_string();
+        assert!(problem.contains("dictionary") && problem.contains("online"), "{problem}");
+    }
 }

@@ -16,8 +16,6 @@ use crate::octree::{LIMIT, pack};
 const DROP: [f32; 2] = [0.15, 0.3];
 /// Fewer vertices are no thing: a point of a surface has eight around it.
 const MIN_VERTICES: usize = 4;
-/// Things at most.
-pub(super) const MAX_MATCHES: usize = 1000;
 /// Vertices that are scored between two looks at whether to stop.
 const SCORED: usize = 2048;
 
@@ -75,7 +73,7 @@ impl MapView {
             .collect();
         // Equally good ones in the order of their vertices, so that the answer is always the same.
         things.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        things.truncate(settings.top_k.min(MAX_MATCHES));
+        things.truncate(settings.top_k);
         let mut matches = Vec::with_capacity(things.len());
         for (id, (score, thing)) in things.into_iter().enumerate() {
             if interrupted() {
