@@ -244,6 +244,9 @@ fn a_view_keeps_its_atoms_while_the_map_learns_others() {
     if let Some(index) = floor.features.as_mut().and_then(|features| features.index.as_mut()) {
         index.iter_mut().filter(|class| **class == 1).for_each(|class| *class = 0);
     }
+    if let Some(features) = &mut floor.features {
+        features.features[DIMENSION..2 * DIMENSION].fill(0.0);
+    }
     mapper.integrate(&floor).unwrap();
     let old = mapper.publish();
     let said = find(&old);

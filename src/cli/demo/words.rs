@@ -6,7 +6,7 @@ use crate::client::Client;
 use crate::dataset::Dataset;
 use crate::dataset::synthetic::Synthetic;
 use crate::geometry::Aabb;
-use crate::service::{DEFAULT_MAP, FindQuestion, Sought};
+use crate::service::{FindQuestion, Sought};
 
 const QUESTION: &str = "where is the blanket?";
 /// What is meant.
@@ -22,13 +22,9 @@ pub(super) fn line(program: &str, url: &str) -> String {
 /// Asks it, and compares the best match with the room.
 pub(super) async fn check(client: &Client, room: &Synthetic, epoch: u64) -> anyhow::Result<()> {
     let question = FindQuestion {
-        map_id: DEFAULT_MAP.into(),
-        sought: Sought::words(&[QUESTION]),
-        region: None,
-        min_score: None,
         top_k: 1,
         min_epoch: epoch,
-        max_age: None,
+        ..FindQuestion::new(Sought::words(&[QUESTION]))
     };
     let reply = client.find(&question).await?;
     let Some(best) = reply.matches.first() else {
