@@ -92,8 +92,9 @@ pub struct MapSettings {
     pub dictionary: String,
     /// Atoms of the dictionary at most.
     pub dictionary_atoms: u32,
-    /// A direction with more than this share of all energy becomes an atom.
-    pub dictionary_threshold: f32,
+    /// A direction with more than this share of all energy becomes an atom; `None`: what lets the
+    /// last atom be found late.
+    pub dictionary_threshold: Option<f32>,
     /// What is left of a frame's say in what the next atoms are, after the next frame.
     pub dictionary_decay: f32,
     /// Distance between coded vertices, m; r0_m times the nearest of 1/8 to 8.
@@ -122,7 +123,7 @@ impl Default for MapSettings {
             color_sharpens: true,
             dictionary: "online".into(),
             dictionary_atoms: 256,
-            dictionary_threshold: 0.002,
+            dictionary_threshold: None,
             dictionary_decay: 0.9,
             code_spacing_m: 0.1,
             codes: CodeForm::F16,

@@ -40,7 +40,7 @@ impl MapConfig {
             color_sharpens: self.radiance.sharpens,
             dictionary: self.language.dictionary.name(),
             dictionary_atoms: self.language.capacity,
-            dictionary_threshold: self.language.threshold,
+            dictionary_threshold: Some(self.language.threshold),
             dictionary_decay: self.language.decay,
             code_spacing_m: self.language.spacing_m(self.r0_m),
             codes: self.language.codes,
