@@ -207,7 +207,7 @@ impl Mapper {
             color.band.limit(sizes.blocks + room.blocks);
         }
         if let Some(language) = &mut self.language {
-            language.band.limit(sizes.code_blocks + room.code_blocks);
+            language.limit(sizes.code_blocks + room.code_blocks);
         }
         Ok(())
     }
@@ -347,6 +347,11 @@ impl Mapper {
             self.changed = true;
         }
         Ok(self.idle_steps < IDLE_STEPS)
+    }
+
+    /// Vertices of codes.
+    pub fn code_rows(&self) -> u64 {
+        self.language.as_ref().map_or(0, |language| language.band.rows() as u64)
     }
 
     /// Vertices of colour.

@@ -292,7 +292,9 @@ fn atoms_of_a_file_are_taken_once_and_stay() {
     let data = Synthetic::removed_box(20, 20).with_width(160);
     let mut mapper = mapped(config().unwrap(), &data, 0..3);
     let view = mapper.publish();
-    assert_eq!(view.language().unwrap().atoms, 3);
+    let counts = view.language().unwrap();
+    assert_eq!(counts.atoms, 3);
+    assert!(mapper.code_rows() as usize >= counts.vertices && counts.vertices > 500, "{counts:?}");
     assert!(find(&view)[0].centroid.distance(BEFORE) < 0.5 * EDGE_M);
     let map = folder.path().join("map");
     storage::save(&mut mapper, &map, false).unwrap();

@@ -151,7 +151,14 @@ pub(super) fn report(dataset: &str, mapper: &Mapper, tally: &Tally) -> Report {
         rows: config
             .modalities
             .iter()
-            .map(|m| (m.clone(), if m == "radiance" { mapper.color_rows() } else { stats.rows }))
+            .map(|modality| {
+                let rows = match modality.as_str() {
+                    "radiance" => mapper.color_rows(),
+                    "language" => mapper.code_rows(),
+                    _ => stats.rows,
+                };
+                (modality.clone(), rows)
+            })
             .collect(),
         map_bytes: stats.map_bytes,
         peak_rss_bytes: telemetry::peak_resident_bytes(),

@@ -64,6 +64,11 @@ impl Codes {
         self.values.chunks(self.stride).flat_map(|code| &code[..width]).copied().collect()
     }
 
+    /// How many vertices there may be.
+    pub fn max_rows(capacity: usize) -> usize {
+        MAX_NUMBERS / capacity.max(1).next_multiple_of(LINE)
+    }
+
     /// Bytes of so many vertices.
     pub fn bytes_of(rows: usize, capacity: usize) -> usize {
         rows * size_of::<f32>() * (1 + capacity.max(1).next_multiple_of(LINE))
@@ -76,8 +81,9 @@ impl Codes {
 
     /// Makes room for vertices, which nobody saw yet; there are never fewer than before.
     pub fn resize(&mut self, rows: usize) -> Result<()> {
-        if rows > MAX_NUMBERS / self.stride {
-            let limit = format!("{rows} codes are more than {}", MAX_NUMBERS / self.stride);
+        let most = Self::max_rows(self.stride);
+        if rows > most {
+            let limit = format!("{rows} codes are more than {most}");
             return Err(Error::ResourceExhausted { what: "language".into(), limit });
         }
         let rows = rows.max(self.rows());

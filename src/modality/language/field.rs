@@ -81,11 +81,7 @@ impl LanguageField {
     /// What a block takes in a field and in views, bytes, at worst: with all atoms.
     pub fn block_bytes(config: &MapConfig) -> (usize, usize) {
         let Some(scale) = Self::scale(config) else { return (1, 1) };
-        let language = &config.language;
-        let atoms = match language.dictionary {
-            DictionaryKind::Online => language.capacity as usize,
-            DictionaryKind::Full | DictionaryKind::Given(_) => super::MAX_CAPACITY,
-        };
+        let (language, atoms) = (&config.language, most_atoms(&config.language));
         let kept = KeptCodes::bytes_of(language.codes, language.terms as usize, atoms);
         (
             Band::BLOCK_BYTES + 4 + Codes::bytes_of(scale.vertices(), atoms),
@@ -103,6 +99,12 @@ impl LanguageField {
             touched: Vec::new(),
             changed: Vec::new(),
         }
+    }
+
+    /// Bounds the blocks from now on; what there is stays. As many codes as there may be at all fit in.
+    pub fn limit(&mut self, blocks: usize) {
+        let most = Codes::max_rows(most_atoms(&self.config)) / self.band.scale.vertices();
+        self.band.limit(blocks.min(most));
     }
 
     /// Reads the atoms that the settings name, if they do and if it is not done yet.
@@ -324,6 +326,14 @@ impl LanguageField {
         let codes = Codes::with_values(dictionary.capacity(), weights, &state.codes, width)?;
         self.learned = Some(Learned { codes, ..Learned::new(contract, dictionary) });
         Ok(self)
+    }
+}
+
+/// How many atoms there may be before the first features say how long they are.
+fn most_atoms(config: &LanguageConfig) -> usize {
+    match config.dictionary {
+        DictionaryKind::Online => config.capacity as usize,
+        DictionaryKind::Full | DictionaryKind::Given(_) => super::MAX_CAPACITY,
     }
 }
 
