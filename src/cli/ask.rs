@@ -48,7 +48,7 @@ pub struct AskArgs {
     #[arg(long, value_name = "K", default_value_t = 5,
         value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub top: u32,
-    /// Places that score less do not count; 0.5 by default, and 0.2 for cosines
+    /// Places that score less do not count; 0.5 by default, and 0.1 for cosines
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     pub min_score: Option<f32>,
     #[command(flatten)]

@@ -16,10 +16,10 @@ use crate::map::{FindSettings, Match};
 pub const MAX_MATCHES: usize = 1000;
 /// Matches where the question does not say.
 const MATCHES: usize = 10;
-/// The least score where the question does not say: neither is more likely, and what CLIP gives to a
-/// fair description.
+/// The least score where the question does not say: neither is more likely, and what even a small
+/// encoder gives to a fair description.
 const LEAST_RELEVANCY: f32 = 0.5;
-const LEAST_COSINE: f32 = 0.2;
+const LEAST_COSINE: f32 = 0.1;
 /// Classes of a question at most, and scores that it takes.
 pub const MAX_CLASSES: usize = 4096;
 pub const MAX_CLASS_SCORES: usize = 1 << 26;
@@ -181,7 +181,7 @@ mod tests {
         let settings = question().settings().expect("usual");
         assert_eq!((settings.min_score, settings.top_k), (0.5, 10));
         let cosines = Sought::Words { prompts: vec!["chair".into()], negatives: Some(Vec::new()) };
-        assert_eq!(FindQuestion::new(cosines).settings().expect("usual").min_score, 0.2);
+        assert_eq!(FindQuestion::new(cosines).settings().expect("usual").min_score, 0.1);
         let region = |min, max| Some(Aabb { min, max });
         type Spoil = fn(&mut FindQuestion);
         let cases: [(&str, &str, Spoil); 4] = [

@@ -11,9 +11,9 @@ use crate::map::query::Fields;
 use crate::map::view::MapView;
 use crate::octree::{LIMIT, pack};
 
-/// A thing ends where the score has fallen by this much from its best place: a wall that leans
-/// towards a text does not join the two pictures that hang on it.
-const DROP: [f32; 2] = [0.15, 0.3];
+/// A thing ends where the score has fallen by this share of what its best place has above most of the
+/// map: about halfway to what stands beside it. How far scores spread depends on the encoder.
+const DROP_SHARE: f32 = 0.4;
 /// Fewer vertices are no thing: a point of a surface has eight around it.
 const MIN_VERTICES: usize = 4;
 /// Vertices that are scored between two looks at whether to stop.
@@ -64,9 +64,8 @@ impl MapView {
         interrupted: &(dyn Fn() -> bool + Sync),
     ) -> Option<Vec<Match>> {
         let spacing = self.store.codes.scale().spacing_m();
-        let fits = self.fitting(scorer, settings, interrupted)?;
-        let drop = DROP[usize::from(scorer.is_relevancy())];
-        let mut things: Vec<(f32, Vec<u32>)> = grow(&fits, settings.min_score, drop)
+        let (fits, usual) = self.fitting(scorer, settings, interrupted)?;
+        let mut things: Vec<(f32, Vec<u32>)> = grow(&fits, settings.min_score, usual)
             .into_iter()
             .filter(|thing| thing.len() >= MIN_VERTICES)
             .map(|thing| (score(&fits, &thing), thing))
@@ -96,16 +95,16 @@ impl MapView {
         Some(matches)
     }
 
-    /// The vertices that fit, near surfaces that are still there.
+    /// The vertices that fit, near surfaces that are still there, and the median score of all.
     fn fitting(
         &self,
         scorer: &Scorer,
         settings: &FindSettings,
         interrupted: &(dyn Fn() -> bool + Sync),
-    ) -> Option<Vec<Fit>> {
+    ) -> Option<(Vec<Fit>, f32)> {
         let spacing = self.store.codes.scale().spacing_m();
         let mut code = vec![0.0; self.atoms()];
-        let (mut fits, mut points) = (Vec::new(), Vec::new());
+        let (mut fits, mut points, mut scores) = (Vec::new(), Vec::new(), Vec::new());
         for (i, vertex) in self.store.codes.vertices().enumerate() {
             if i % SCORED == 0 && interrupted() {
                 return None;
@@ -116,6 +115,7 @@ impl MapView {
             }
             vertex.read(&mut code);
             let score = scorer.score(&code, vertex.square());
+            scores.push(score);
             if score >= settings.min_score {
                 fits.push(Fit { lattice: vertex.lattice, score });
                 points.push(point);
@@ -126,46 +126,41 @@ impl MapView {
         // Behind a surface nobody knows how far it is.
         let mut near = distance.into_iter().map(|d| d.is_nan() || d.abs() <= reach);
         fits.retain(|_| near.next().unwrap_or(false));
-        Some(fits)
+        let middle = scores.len() / 2;
+        let usual = match scores.is_empty() {
+            true => settings.min_score,
+            false => *scores.select_nth_unstable_by(middle, f32::total_cmp).1,
+        };
+        Some((fits, usual))
     }
 }
 
-/// Groups of connected vertices, each grown from its best one down to `drop` below it. Vertices that
-/// touch a group and fit less belong to its rim, and to no group.
-fn grow(fits: &[Fit], min_score: f32, drop: f32) -> Vec<Vec<u32>> {
+/// Groups of connected vertices, each grown from its best one down to a share of what that has above
+/// `usual`. Vertices that touch a group and fit less are its rim, a mixture with what stands beside it,
+/// and belong to no group.
+fn grow(fits: &[Fit], min_score: f32, usual: f32) -> Vec<Vec<u32>> {
     let at: FxHashMap<u64, u32> =
         fits.iter().enumerate().map(|(i, fit)| (pack(fit.lattice), i as u32)).collect();
-    let neighbours = |i: u32| {
-        let center = fits[i as usize].lattice;
-        let at = &at;
-        (0..27).filter_map(move |n| {
-            let cell = std::array::from_fn(|a| center[a] + n / 3i32.pow(a as u32) % 3 - 1);
-            let inside = cell.iter().all(|c| (-LIMIT..LIMIT).contains(c));
-            inside.then(|| at.get(&pack(cell)).copied()).flatten()
-        })
-    };
-    let mut order: Vec<u32> = (0..fits.len() as u32).collect();
     let score = |i: u32| fits[i as usize].score;
+    let mut order: Vec<u32> = (0..fits.len() as u32).collect();
     order.sort_by(|a, b| score(*b).total_cmp(&score(*a)).then(a.cmp(b)));
     let mut taken = vec![false; fits.len()];
     let mut groups = Vec::new();
     for seed in order {
-        if taken[seed as usize] {
+        if std::mem::replace(&mut taken[seed as usize], true) {
             continue;
         }
-        if neighbours(seed).any(|n| taken[n as usize]) {
-            taken[seed as usize] = true;
-            continue;
-        }
-        let least = min_score.max(score(seed) - drop);
-        taken[seed as usize] = true;
+        let above = (score(seed) - usual).max(0.0);
+        let least = min_score.max(score(seed) - DROP_SHARE * above);
         let mut group = vec![seed];
         let mut next = 0;
         while let Some(&i) = group.get(next) {
             next += 1;
-            for n in neighbours(i) {
-                if !taken[n as usize] && score(n) >= least {
-                    taken[n as usize] = true;
+            for cell in around(fits[i as usize].lattice) {
+                if let Some(&n) = at.get(&pack(cell))
+                    && !std::mem::replace(&mut taken[n as usize], true)
+                    && score(n) >= least
+                {
                     group.push(n);
                 }
             }
@@ -174,6 +169,14 @@ fn grow(fits: &[Fit], min_score: f32, drop: f32) -> Vec<Vec<u32>> {
         groups.push(group);
     }
     groups
+}
+
+/// The 26 neighbours of a vertex, as far as the lattice goes.
+fn around(center: [i32; 3]) -> impl Iterator<Item = [i32; 3]> {
+    let neighbour =
+        move |n: i32| std::array::from_fn(|axis| center[axis] + n / 3i32.pow(axis as u32) % 3 - 1);
+    let inside = |cell: &[i32; 3]| cell.iter().all(|c| (-LIMIT..LIMIT).contains(c));
+    (0..27).filter(|n| *n != 13).map(neighbour).filter(inside)
 }
 
 /// The mean score of the better half.
@@ -196,12 +199,21 @@ mod tests {
     #[test]
     fn groups_end_where_scores_fall_and_rims_are_none() {
         let fits = line(&[0.9, 0.88, 0.85, 0.6, 0.8, 0.85, 0.0, 0.7, 0.7]);
-        let groups = grow(&fits, 0.5, 0.1);
-        // The valley at 3 touches the first group; 4 and 5 are a group of their own.
+        // From 0.9 down to 0.78, then from 0.85 down to 0.75; the valley at 3 touches the first.
+        let groups = grow(&fits, 0.5, 0.6);
         assert_eq!(groups, [vec![0, 1, 2], vec![4, 5], vec![6, 7]]);
-        let groups = grow(&fits, 0.5, 0.4);
+        let groups = grow(&fits, 0.5, 0.1);
         assert_eq!(groups, [vec![0, 1, 2, 3, 4, 5], vec![6, 7]]);
         assert_eq!(score(&fits, &[0, 1, 2]), (0.9 + 0.88) / 2.0);
         assert!(grow(&[], 0.5, 0.1).is_empty());
+    }
+
+    #[test]
+    fn of_two_things_that_touch_both_are_found() {
+        let fits = line(&[0.9, 0.9, 0.9, 0.9, 0.7, 0.7, 0.7, 0.7]);
+        assert_eq!(grow(&fits, 0.5, 0.5), [vec![0, 1, 2, 3], vec![5, 6, 7]]);
+        // However low they score, if the rest scores lower still.
+        let low = line(&[0.18, 0.18, 0.08, 0.07, 0.01]);
+        assert_eq!(grow(&low, 0.0, 0.01), [vec![0, 1], vec![3], vec![4]]);
     }
 }

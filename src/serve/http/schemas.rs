@@ -153,7 +153,7 @@ pub(super) fn corner() -> Schema {
 }
 
 pub(super) fn min_score() -> Schema {
-    let text = "Places that score less do not count. Left out: 0.5 with negatives, 0.2 without.";
+    let text = "Places that score less do not count. Left out: 0.5 with negatives, 0.1 without.";
     let score = number(&[Type::Null]).minimum(Some(-1.0)).maximum(Some(1.0));
     score.description(Some(text)).into()
 }
