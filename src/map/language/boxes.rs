@@ -19,11 +19,12 @@ pub struct OrientedBox {
 const TURNS: usize = 45;
 
 impl OrientedBox {
-    /// The box whose sides most points lie close to, each of which stands for a cube of `size_m`: of a
-    /// thing in a corner only two sides are seen, and the smallest box around those would stand askew.
+    /// The small box whose sides most points lie close to, each of which stands for a cube of `size_m`:
+    /// of a thing in a corner only two sides are seen, and the smallest box around those may stand
+    /// askew.
     pub(super) fn around(points: &[Vec3], size_m: f32) -> Self {
         let angles = (0..TURNS).map(|turn| turn as f32 * FRAC_PI_2 / TURNS as f32);
-        let fit = |angle: f32| closeness(points, angle, 0.5 * size_m);
+        let fit = |angle: f32| fit(points, angle, 0.5 * size_m);
         let best = angles.map(|angle| (fit(angle), angle)).max_by(|a, b| a.0.total_cmp(&b.0));
         let angle = best.map_or(0.0, |(_, angle)| angle);
         let (low, high) = bounds(points, angle);
@@ -48,16 +49,17 @@ fn bounds(points: &[Vec3], angle: f32) -> (Vec3, Vec3) {
     (low, high)
 }
 
-/// How close points lie to the upright sides of the box that is turned by `angle`; nearer than
-/// `least_m` is as close as can be.
-fn closeness(points: &[Vec3], angle: f32, least_m: f32) -> f32 {
+/// How close points lie to the upright sides of the box that is turned by `angle`, for its footprint;
+/// nearer than `least_m` is as close as can be.
+fn fit(points: &[Vec3], angle: f32, least_m: f32) -> f32 {
     let (low, high) = bounds(points, angle);
+    let size = high - low + 2.0 * least_m;
     let one = |point: &Vec3| {
         let own = turned(point, angle);
         let side = (own - low).min(high - own);
         1.0 / side.x.min(side.y).max(least_m)
     };
-    points.iter().map(one).sum()
+    points.iter().map(one).sum::<f32>() / (size.x * size.y)
 }
 
 #[cfg(test)]
