@@ -85,6 +85,15 @@ impl DepthImage {
     }
 }
 
+/// The pixel, row-major, of an image of the size `own` around the same share of the view as a pixel of
+/// an image of the size `size`.
+#[inline]
+pub fn pixel_beside((u, v): (u32, u32), size: (u32, u32), own: (u32, u32)) -> usize {
+    // A product of two sides fits.
+    let scaled = |at: u32, own: u32, other: u32| ((2 * at + 1) * own / (2 * other)) as usize;
+    scaled(v, own.1, size.1) * own.0 as usize + scaled(u, own.0, size.0)
+}
+
 /// 8-bit sRGB, row-major, three bytes a pixel; the same view as the depth image, of the same size or
 /// another.
 #[derive(Debug, Clone, PartialEq)]
@@ -99,10 +108,7 @@ impl ColorImage {
     /// pixels with the same view.
     #[inline]
     pub fn beside(&self, u: u32, v: u32, width: u32, height: u32) -> Vec3 {
-        // The pixel around the same share of the view; a product of two sides fits.
-        let scaled = |at: u32, own: u32, other: u32| (2 * at + 1) * own / (2 * other);
-        let (u, v) = (scaled(u, self.width, width), scaled(v, self.height, height));
-        let at = 3 * (v as usize * self.width as usize + u as usize);
+        let at = 3 * pixel_beside((u, v), (width, height), (self.width, self.height));
         Vec3::new(self.rgb[at].into(), self.rgb[at + 1].into(), self.rgb[at + 2].into())
             * (1.0 / 255.0)
     }

@@ -17,6 +17,7 @@ use super::render::Size;
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Intrinsics, Pose};
 use crate::map::{Camera, Match};
+use crate::serve::Found;
 use crate::service::{FindQuestion, Sought};
 use crate::storage::write_file;
 
@@ -171,52 +172,6 @@ fn beside(found: &Match) -> Pose {
 struct Answer {
     matches: Vec<Found>,
     milliseconds: f64,
-}
-
-#[derive(Serialize)]
-struct Found {
-    id: u32,
-    score: f32,
-    centroid_m: Vec3,
-    extent_m: Vec3,
-    voxels: u32,
-    obb: Obb,
-    best_view: Option<View>,
-}
-
-#[derive(Serialize)]
-struct Obb {
-    center_m: Vec3,
-    rotation: [f32; 4],
-    half_size_m: Vec3,
-}
-
-#[derive(Serialize)]
-struct View {
-    translation: [f64; 3],
-    rotation: [f64; 4],
-}
-
-impl From<&Match> for Found {
-    fn from(found: &Match) -> Self {
-        let view = |pose: &Pose| View {
-            translation: pose.translation.to_array(),
-            rotation: pose.rotation.to_array(),
-        };
-        Self {
-            id: found.id,
-            score: found.score,
-            centroid_m: found.centroid,
-            extent_m: found.extent,
-            voxels: found.voxels,
-            obb: Obb {
-                center_m: found.obb.center,
-                rotation: found.obb.rotation.to_array(),
-                half_size_m: found.obb.half_size,
-            },
-            best_view: found.best_view.as_ref().map(view),
-        }
-    }
 }
 
 fn as_json(matches: &[Match], milliseconds: f64) -> Result<String> {

@@ -47,11 +47,6 @@ impl CodedVertex<'_> {
         out.fill(0.0);
         self.codes.add_to(self.row, 1.0, out);
     }
-
-    /// ‖c‖².
-    pub(super) fn square(&self) -> f32 {
-        self.codes.square(self.row)
-    }
 }
 
 /// Codes as a compact map holds them.

@@ -151,7 +151,7 @@ impl MapView {
                     && d.abs() <= reach
                     && self.store.code(voxel.node, points[i], &mut code)
                 {
-                    text_score[i] = text.score(&code, code.iter().map(|x| x * x).sum());
+                    text_score[i] = text.score(&code);
                 }
                 continue;
             }

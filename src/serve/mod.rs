@@ -9,5 +9,6 @@ mod run;
 mod stream;
 
 pub use http::Door;
+pub(crate) use http::Found;
 pub use listeners::Listeners;
 pub use run::run;

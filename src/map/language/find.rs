@@ -114,7 +114,7 @@ impl MapView {
                 continue;
             }
             vertex.read(&mut code);
-            let score = scorer.score(&code, vertex.square());
+            let score = scorer.score(&code);
             scores.push(score);
             if score >= settings.min_score {
                 fits.push(Fit { lattice: vertex.lattice, score });

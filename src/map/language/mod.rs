@@ -71,8 +71,8 @@ impl MapView {
     /// code.
     pub fn classify(&self, points: &[Vec3], classes: &Scorer) -> (Vec<i32>, Vec<f32>) {
         let (mut best, mut scores) = (vec![-1; points.len()], vec![f32::NAN; points.len()]);
-        self.visit_codes(points, |i, code, square| {
-            let cosines = classes.prompts(code, square).enumerate();
+        self.visit_codes(points, |i, code| {
+            let cosines = classes.prompts(code).enumerate();
             if let Some((class, score)) = cosines.max_by(|a, b| a.1.total_cmp(&b.1)) {
                 (best[i], scores[i]) = (class as i32, score);
             }
@@ -83,9 +83,9 @@ impl MapView {
     /// The cosine of each prompt at each point, point by point; NaN where there is no code.
     pub fn class_scores(&self, points: &[Vec3], classes: &Scorer) -> Vec<f32> {
         let mut all = vec![f32::NAN; points.len() * classes.len()];
-        self.visit_codes(points, |i, code, square| {
+        self.visit_codes(points, |i, code| {
             let row = &mut all[i * classes.len()..(i + 1) * classes.len()];
-            row.iter_mut().zip(classes.prompts(code, square)).for_each(|(to, score)| *to = score);
+            row.iter_mut().zip(classes.prompts(code)).for_each(|(to, score)| *to = score);
         });
         all
     }
@@ -96,7 +96,7 @@ impl MapView {
         let Some((contract, dictionary)) = self.store.codes.learned() else { return Vec::new() };
         let dimension = contract.dimension;
         let mut all = vec![f32::NAN; points.len() * dimension];
-        self.visit_codes(points, |i, code, _| {
+        self.visit_codes(points, |i, code| {
             all[i * dimension..(i + 1) * dimension].copy_from_slice(&dictionary.decode(code));
         });
         all
@@ -113,8 +113,8 @@ impl MapView {
         3f32.sqrt() * self.store.codes.scale().spacing_m()
     }
 
-    /// Calls `visit` for each point that has a code, with that and its square.
-    fn visit_codes(&self, points: &[Vec3], mut visit: impl FnMut(usize, &[f32], f32)) {
+    /// Calls `visit` for each point that has a code, with that.
+    fn visit_codes(&self, points: &[Vec3], mut visit: impl FnMut(usize, &[f32])) {
         let Some(lookup) = Lookup::new(&self.store) else { return };
         let distance = self.query(points, Fields::DISTANCE).distance;
         let (reach, mut code) = (self.code_reach_m(), vec![0.0; self.atoms()]);
@@ -124,7 +124,7 @@ impl MapView {
                 && found.is_some()
                 && self.store.code(found.node, *point, &mut code)
             {
-                visit(i, &code, code.iter().map(|x| x * x).sum());
+                visit(i, &code);
             }
         }
     }

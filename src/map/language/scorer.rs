@@ -1,11 +1,13 @@
 //! Texts against codes.
 
 use crate::error::{Error, Result};
-use crate::modality::language::{Dictionary, Query, TEMPERATURE, cosine, relevancy};
+use crate::geometry::simd::InstructionSet;
+use crate::modality::language::{Dictionary, Query, TEMPERATURE, cosine, relevancy, square};
 
 /// Texts in the space of a view's codes.
 #[derive(Debug, Clone)]
 pub struct Scorer {
+    set: InstructionSet,
     prompts: Vec<Query>,
     negatives: Vec<Query>,
 }
@@ -31,6 +33,7 @@ impl Scorer {
             texts.iter().enumerate().map(query).collect()
         };
         Ok(Self {
+            set: InstructionSet::detect(),
             prompts: queries("prompts", prompts)?,
             negatives: queries("negatives", negatives)?,
         })
@@ -51,13 +54,15 @@ impl Scorer {
         !self.negatives.is_empty()
     }
 
-    /// The cosine of each prompt with a code, of which `square` is ‖c‖².
-    pub(super) fn prompts(&self, code: &[f32], square: f32) -> impl Iterator<Item = f32> {
+    /// The cosine of each prompt with a code.
+    pub(super) fn prompts(&self, code: &[f32]) -> impl Iterator<Item = f32> {
+        let square = square(self.set, code);
         self.prompts.iter().map(move |query| cosine(query.along(code), square))
     }
 
     /// How well the best prompt fits a code.
-    pub(in crate::map) fn score(&self, code: &[f32], square: f32) -> f32 {
+    pub(in crate::map) fn score(&self, code: &[f32]) -> f32 {
+        let square = square(self.set, code);
         let best = |queries: &[Query]| {
             let along = queries.iter().map(|query| query.along(code));
             cosine(along.fold(f32::NEG_INFINITY, f32::max), square)

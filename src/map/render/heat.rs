@@ -36,7 +36,7 @@ pub(super) fn scores(
             let point = job.rays.eye + job.rays.direction(u, v) * depth_m[pixel];
             let voxel = lookup.find(point);
             if voxel.is_some() && store.code(voxel.node, point, &mut code) {
-                *score = text.score(&code, code.iter().map(|x| x * x).sum());
+                *score = text.score(&code);
             }
         }
         Some(())

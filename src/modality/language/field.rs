@@ -11,7 +11,7 @@ use super::features::UnitFeatures;
 use super::kept::KeptCodes;
 use crate::config::{DictionaryKind, LanguageConfig, MapConfig};
 use crate::error::{Error, Fault, Result};
-use crate::frame::{Contract, FeatureImage, Frame, NO_FEATURE};
+use crate::frame::{Contract, FeatureImage, Frame, NO_FEATURE, pixel_beside};
 use crate::numpy::ArrayReader;
 use crate::octree::{Band, BandScale, Cell, NO_BLOCK};
 
@@ -244,6 +244,7 @@ impl LanguageField {
     ) -> Result<()> {
         let (k, stride) = (&frame.intrinsics, self.config.stride);
         let of = |feature: usize| &seen[feature * atoms..(feature + 1) * atoms];
+        let own = (image.width, image.height);
         let mut mixed = vec![0.0; atoms];
         for v in (stride / 2..k.height).step_by(stride as usize) {
             for u in (stride / 2..k.width).step_by(stride as usize) {
@@ -252,7 +253,7 @@ impl LanguageField {
                     continue;
                 }
                 let code = match &image.index {
-                    Some(index) => match index[pixel_beside(image, u, v, frame)] {
+                    Some(index) => match index[pixel_beside((u, v), (k.width, k.height), own)] {
                         NO_FEATURE => continue,
                         feature => of(usize::from(feature)),
                     },
@@ -335,15 +336,6 @@ fn most_atoms(config: &LanguageConfig) -> usize {
         DictionaryKind::Online => config.capacity as usize,
         DictionaryKind::Full | DictionaryKind::Given(_) => super::MAX_CAPACITY,
     }
-}
-
-/// The pixel of an image of indices that belongs to a pixel of the depth image.
-fn pixel_beside(image: &FeatureImage, u: u32, v: u32, frame: &Frame) -> usize {
-    let k = &frame.intrinsics;
-    // The pixel around the same share of the view; a product of two sides fits.
-    let scaled = |at: u32, own: u32, other: u32| (2 * at + 1) * own / (2 * other);
-    let (u, v) = (scaled(u, image.width, k.width), scaled(v, image.height, k.height));
-    v as usize * image.width as usize + u as usize
 }
 
 /// The four patches whose centres are around a pixel of the depth image, with bilinear shares.

@@ -29,4 +29,4 @@ pub use dictionary::{Dictionary, DictionarySettings, DictionaryState, MAX_CAPACI
 pub use features::UnitFeatures;
 pub use field::{LanguageField, LanguageState};
 pub use kept::{KeptCodes, StoredCodes};
-pub use query::{NEGATIVES, Query, TEMPERATURE, cosine, relevancy};
+pub use query::{NEGATIVES, Query, TEMPERATURE, cosine, relevancy, square};

@@ -42,6 +42,12 @@ impl Query {
     }
 }
 
+/// ‖c‖².
+#[inline]
+pub fn square(set: InstructionSet, code: &[f32]) -> f32 {
+    dot(set, code, code)
+}
+
 /// The cosine of a code with a text, of c · q and ‖c‖²; NaN where the code is nothing.
 #[inline]
 pub fn cosine(along: f32, square: f32) -> f32 {

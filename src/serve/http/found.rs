@@ -25,7 +25,7 @@ pub(super) struct TextAnswer {
 
 /// A thing: places that score well and hang together.
 #[derive(Debug, Serialize, ToSchema)]
-struct Found {
+pub(crate) struct Found {
     /// Its place in this answer, from 0.
     id: u32,
     /// The mean of the better half of its places.

@@ -33,6 +33,8 @@ use bytes::Bytes;
 use serde::Serialize;
 use tokio::sync::Semaphore;
 
+pub(crate) use self::found::Found;
+
 use super::calls::Calls;
 use crate::error::Error;
 use crate::service::Service;
