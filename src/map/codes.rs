@@ -1,11 +1,13 @@
 //! The codes of a view: pages of blocks, with the dictionary that they are of.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use glam::Vec3;
 
 use super::pages::PageTable;
 use crate::config::{CodeForm, MapConfig};
+use crate::error::Result;
 use crate::frame::Contract;
 use crate::modality::language::{Dictionary, KeptCodes, LanguageField, StoredCodes};
 use crate::octree::{Band, BandScale, Cell, NO_VERTEX, Uppers};
@@ -128,6 +130,85 @@ impl ViewCodes {
         }
     }
 
+    /// Calls `visit` for every block that differs from what it is in `old`, with its cell, its
+    /// neighbours and the bytes of its codes, each as wide as the dictionary.
+    pub(super) fn changed(
+        &self,
+        old: Option<&Self>,
+        mut visit: impl FnMut(usize, Cell, Uppers, &[u8]) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        let (page_blocks, vertices) = (self.page_blocks(), self.scale.vertices());
+        let width = self.learned.as_ref().map_or(0, |(_, dictionary)| dictionary.len());
+        let (mut bytes, mut before_bytes) = (Vec::new(), Vec::new());
+        for (at, page, before) in self.pages.changed(old.map(|old| &old.pages)) {
+            let Some(codes) = &page.codes else { continue };
+            for i in 0..page_blocks.min(self.blocks - at * page_blocks) {
+                let rows = i * vertices..(i + 1) * vertices;
+                bytes.clear();
+                rows.clone().for_each(|row| codes.write_row(row, width, &mut bytes));
+                let known = before.and_then(|before| {
+                    let codes = before.codes.as_ref()?;
+                    before_bytes.clear();
+                    rows.for_each(|row| codes.write_row(row, width, &mut before_bytes));
+                    Some((before.cells[i], before.uppers[i]))
+                });
+                let is_same =
+                    known == Some((page.cells[i], page.uppers[i])) && bytes == before_bytes;
+                if !is_same {
+                    visit(at * page_blocks + i, page.cells[i], page.uppers[i], &bytes)?;
+                }
+            }
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Makes room for blocks.
+    pub(super) fn make_room(&mut self, blocks: usize) {
+        self.blocks = blocks;
+        self.pages.grow(blocks.div_ceil(self.page_blocks()));
+    }
+
+    /// Sets a block, which must exist, from what [`ViewCodes::changed`] told, with codes of `width`
+    /// coefficients; `None` if its length is not theirs.
+    pub(super) fn set_block(
+        &mut self,
+        block: usize,
+        (cell, uppers): (Cell, Uppers),
+        width: usize,
+        bytes: &[u8],
+    ) -> Option<()> {
+        let (page_blocks, vertices) = (self.page_blocks(), self.scale.vertices());
+        let page = self.pages.write(block / page_blocks);
+        let i = block % page_blocks;
+        page.cells.resize(page_blocks, [0; 3]);
+        page.uppers.resize(page_blocks, [u32::MAX; 8]);
+        (page.cells[i], page.uppers[i]) = (cell, uppers);
+        let codes = page
+            .codes
+            .get_or_insert_with(|| KeptCodes::new(self.form, self.terms, page_blocks * vertices));
+        let row_bytes = KeptCodes::bytes_of(self.form, self.terms, width);
+        (bytes.len() == vertices * row_bytes).then_some(())?;
+        for (vertex, bytes) in bytes.chunks_exact(row_bytes).enumerate() {
+            codes.read_row(i * vertices + vertex, width, bytes)?;
+        }
+        Some(())
+    }
+
+    /// Whether every page was written.
+    pub(super) fn is_written(&self) -> bool {
+        self.pages.pages().all(|page| page.codes.is_some())
+    }
+
+    /// Sets the encoder and the atoms, which are only ever appended.
+    pub(super) fn learn(&mut self, contract: Contract, atoms: &[f32]) -> Result<()> {
+        let told = self.learned.as_ref().map(|(_, dictionary)| dictionary.len());
+        if told.is_none_or(|told| told * contract.dimension != atoms.len()) {
+            let dictionary = dictionary_of(&contract, atoms)?;
+            self.learned = Some((contract, Arc::new(dictionary)));
+        }
+        Ok(())
+    }
+
     /// Where a row's code is, if a frame saw it.
     #[inline]
     fn find(&self, row: u32) -> Option<(&KeptCodes, usize)> {
@@ -203,11 +284,7 @@ impl ViewCodes {
             return state.cells.is_empty().then_some(band);
         };
         contract.check("contract").ok()?;
-        let dictionary = if atoms.is_empty() {
-            Dictionary::new(contract.dimension, Default::default()).ok()?.atoms()
-        } else {
-            Dictionary::fixed(&atoms, contract.dimension).ok()?
-        };
+        let dictionary = dictionary_of(&contract, &atoms).ok()?;
         let (form, terms, width) = (self.form, self.terms, dictionary.len());
         state.codes.fits(form, terms, band.rows(), width).then_some(())?;
         let mut rows = vec![0.0; band.rows() * width];
@@ -222,4 +299,12 @@ impl ViewCodes {
         self.write(&band, Some((contract, Arc::new(dictionary))), blocks, code);
         Some(band)
     }
+}
+
+/// Atoms that stay as they are; of none, an empty dictionary.
+fn dictionary_of(contract: &Contract, atoms: &[f32]) -> Result<Dictionary> {
+    if atoms.is_empty() {
+        return Ok(Dictionary::new(contract.dimension, Default::default())?.atoms());
+    }
+    Dictionary::fixed(atoms, contract.dimension)
 }

@@ -6,6 +6,7 @@ mod empty;
 mod language;
 mod mapper;
 mod mesh;
+mod mirror;
 mod pages;
 mod parallel;
 mod picture;
@@ -24,6 +25,7 @@ pub use language::{
 };
 pub use mapper::{FrameOutcome, MapStats, Mapper};
 pub use mesh::{TriangleMesh, default_resolution_m, extract_mesh};
+pub use mirror::{Changes, Copied, Copying, Head, Part, Table};
 pub use parallel::{CHUNK_POINTS, PointQuery, query_parallel, query_pool};
 pub use picture::{Encoding, Output};
 pub use query::{Fields, PointAnswers, State};

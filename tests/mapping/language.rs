@@ -19,7 +19,7 @@ use super::lite;
 const DIMENSION: usize = 48;
 
 /// The direction of a class, in which classes share much.
-fn direction(class: usize) -> Vec<f32> {
+pub(super) fn direction(class: usize) -> Vec<f32> {
     let number = |i: usize| ((i * 37 + class * 101 + i * i * class) % 29) as f32 / 14.0 - 1.0;
     (0..DIMENSION).map(|i| 1.0 + number(i)).collect()
 }
@@ -38,7 +38,7 @@ fn contract() -> Contract {
 }
 
 /// A frame of a scene with a box at `at`, with the feature of its class at each pixel.
-fn frame(data: &Synthetic, index: usize, at: Vec3) -> Frame {
+pub(super) fn frame(data: &Synthetic, index: usize, at: Vec3) -> Frame {
     let mut frame = data.load(index, false).unwrap();
     let k = frame.intrinsics;
     let of = |pixel: u32| {

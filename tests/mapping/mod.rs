@@ -8,6 +8,7 @@ mod fixed; // the same input gives the same file: threads, interruption
 mod gpu; // the GPU backend makes the map that the CPU backend makes
 mod images; // drawn by tiles and by rays, against what a camera sees
 mod language; // features become codes that texts find
+mod mirror; // a copy of a view that follows it
 mod moved; // what is gone is gone
 mod variants; // learned prior, fewer modalities
 

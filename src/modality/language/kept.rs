@@ -139,6 +139,68 @@ impl KeptCodes {
         }
     }
 
+    /// Appends a code and its square to `to` as bytes: [`KeptCodes::bytes_of`] `width` coefficients.
+    pub fn write_row(&self, row: usize, width: usize, to: &mut Vec<u8>) {
+        to.extend(self.squares[row].to_le_bytes());
+        let end = to.len() - size_of::<f32>() + self.row_bytes(width);
+        match &self.values {
+            Values::F16 { width: own, values } => {
+                let code = values[row * own..(row + 1) * own].iter().take(width);
+                to.extend(code.flat_map(|x| x.0.to_le_bytes()));
+            }
+            Values::F32 { width: own, values } => {
+                let code = values[row * own..(row + 1) * own].iter().take(width);
+                to.extend(code.flat_map(|x| x.to_le_bytes()));
+            }
+            Values::Terms { terms, values, atoms } => {
+                let range = row * terms..(row + 1) * terms;
+                to.extend(values[range.clone()].iter().flat_map(|x| x.to_le_bytes()));
+                to.extend(atoms[range].iter().flat_map(|atom| atom.to_le_bytes()));
+            }
+        }
+        to.resize(end, 0);
+    }
+
+    /// Takes up what [`KeptCodes::write_row`] wrote; `None` if its length is another.
+    pub fn read_row(&mut self, row: usize, width: usize, bytes: &[u8]) -> Option<()> {
+        (bytes.len() == self.row_bytes(width)).then_some(())?;
+        let rows = self.squares.len();
+        let (square, bytes) = bytes.split_first_chunk()?;
+        self.squares[row] = f32::from_le_bytes(*square);
+        match &mut self.values {
+            Values::F16 { width: own, values } => {
+                widen(own, values, rows, width);
+                let (code, _) = bytes.as_chunks();
+                let to = &mut values[row * *own..(row + 1) * *own];
+                to.iter_mut().zip(code).for_each(|(to, x)| *to = F16(u16::from_le_bytes(*x)));
+            }
+            Values::F32 { width: own, values } => {
+                widen(own, values, rows, width);
+                let (code, _) = bytes.as_chunks();
+                let to = &mut values[row * *own..(row + 1) * *own];
+                to.iter_mut().zip(code).for_each(|(to, x)| *to = f32::from_le_bytes(*x));
+            }
+            Values::Terms { terms, values, atoms } => {
+                let range = row * *terms..(row + 1) * *terms;
+                let (floats, numbers) = bytes.split_at(range.len() * size_of::<f32>());
+                let (floats, numbers) = (floats.as_chunks().0, numbers.as_chunks().0);
+                let to = values[range.clone()].iter_mut();
+                to.zip(floats).for_each(|(to, x)| *to = f32::from_le_bytes(*x));
+                let to = atoms[range].iter_mut();
+                to.zip(numbers).for_each(|(to, atom)| *to = i16::from_le_bytes(*atom));
+            }
+        }
+        Some(())
+    }
+
+    fn row_bytes(&self, width: usize) -> usize {
+        match &self.values {
+            Values::F16 { .. } => Self::bytes_of(CodeForm::F16, 0, width),
+            Values::F32 { .. } => Self::bytes_of(CodeForm::F32, 0, width),
+            Values::Terms { terms, .. } => Self::bytes_of(CodeForm::TopK, *terms, width),
+        }
+    }
+
     /// Appends a code to `to`, in `width` coefficients where all of them are kept.
     pub fn store(&self, row: usize, width: usize, to: &mut StoredCodes) {
         match &self.values {
