@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::{BackendChoice, EncoderSettings, MapConfig, MapSettings, Schedule};
+use super::{
+    BackendChoice, BusConfig, BusSettings, EncoderSettings, MapConfig, MapSettings, Schedule,
+};
 use crate::error::{Error, Result};
 
 /// The file that documents every key. It is the lowest layer of every configuration.
@@ -17,6 +19,8 @@ pub const DEFAULT_FILE: &str = include_str!("../../deploy/orenx.toml");
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     pub server: ServerSettings,
+    #[serde(rename = "zenoh")]
+    pub bus: BusSettings,
     pub storage: StorageSettings,
     pub encoder: EncoderSettings,
     pub map: MapSettings,
@@ -65,6 +69,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             server: ServerSettings::default(),
+            bus: BusSettings::default(),
             storage: StorageSettings::default(),
             encoder: EncoderSettings::default(),
             map: MapSettings { schedule: Schedule::Adaptive, ..MapSettings::default() },
@@ -124,6 +129,8 @@ pub struct ServerConfig {
     /// The folder that holds the maps; `None` keeps them in memory.
     pub storage: Option<PathBuf>,
     pub encoder: EncoderSettings,
+    /// `None`: no Zenoh.
+    pub bus: Option<BusConfig>,
 }
 
 impl ServerConfig {
@@ -178,6 +185,7 @@ impl ServerConfig {
             storage: (!settings.storage.path.as_os_str().is_empty())
                 .then(|| settings.storage.path.clone()),
             encoder: settings.encoder.clone(),
+            bus: BusConfig::from_settings(&settings.bus)?,
         };
         config.encoder.check()?;
         let map = MapConfig::from_settings(&settings.map).map_err(|e| match e {
@@ -230,7 +238,9 @@ mod tests {
 
     #[test]
     fn the_compiled_in_file_mentions_every_key_in_its_section() {
-        for (section, at_least) in [("server", 8), ("storage", 1), ("encoder", 4), ("map", 10)] {
+        for (section, at_least) in
+            [("server", 8), ("zenoh", 9), ("storage", 1), ("encoder", 4), ("map", 10)]
+        {
             let (_, rest) = DEFAULT_FILE.split_once(&format!("\n[{section}]\n")).expect(section);
             let body = rest.split("\n[").next().unwrap_or_default();
             let keys = keys(section);
