@@ -7,6 +7,7 @@
 mod join;
 mod keys;
 mod options;
+mod payload;
 
 use std::sync::Arc;
 
@@ -15,6 +16,7 @@ use zenoh::bytes::Encoding;
 
 pub use join::Joining;
 pub use keys::{FrameKey, Keys};
+pub use payload::Slices;
 
 use crate::config::BusConfig;
 use crate::error::{Error, Result};

@@ -96,12 +96,13 @@ fn json(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::BusSettings;
+    use crate::config::{BusSettings, FrameLimits};
 
     fn of(change: impl FnOnce(&mut BusSettings)) -> Result<Config> {
         let mut settings = BusSettings::default();
         change(&mut settings);
-        options(&BusConfig::from_settings(&settings).expect("good").expect("on"))
+        let frames = FrameLimits { sensors: 1, bytes: 1, live: 1, recorded: 1 };
+        options(&BusConfig::from_settings(&settings, frames).expect("good").expect("on"))
     }
 
     fn read(options: &Config, key: &str) -> String {

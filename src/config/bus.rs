@@ -70,6 +70,19 @@ impl BusMode {
     }
 }
 
+/// What bounds the frames that wait to be read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FrameLimits {
+    /// Sensors at a time.
+    pub sensors: usize,
+    /// Memory of all waiting frames, bytes.
+    pub bytes: usize,
+    /// Frames of one live sensor.
+    pub live: usize,
+    /// Frames of one sensor that sends a recording.
+    pub recorded: usize,
+}
+
 /// Checked settings of the Zenoh session. Endpoints and the file are checked by who opens it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BusConfig {
@@ -81,8 +94,7 @@ pub struct BusConfig {
     pub file: Option<PathBuf>,
     /// What every key begins with, without outer slashes.
     pub prefix: String,
-    /// Frames of one sensor that may wait to be decoded where none of them may be lost.
-    pub queue_frames: usize,
+    pub frames: FrameLimits,
     /// Questions that are worked on at a time.
     pub max_queries: usize,
     /// How long a question may take that does not say itself.
@@ -92,8 +104,8 @@ pub struct BusConfig {
 }
 
 impl BusConfig {
-    /// Checks `[zenoh]`; `None` where it is off.
-    pub fn from_settings(settings: &BusSettings) -> Result<Option<Self>> {
+    /// Checks `[zenoh]`; `None` where it is off. What `frames` says for live sensors holds here too.
+    pub fn from_settings(settings: &BusSettings, frames: FrameLimits) -> Result<Option<Self>> {
         check_prefix(&settings.prefix)?;
         for (key, endpoints) in [("connect", &settings.connect), ("listen", &settings.listen)] {
             if endpoints.len() > MAX_ENDPOINTS {
@@ -107,7 +119,10 @@ impl BusConfig {
             listen: settings.listen.clone(),
             file,
             prefix: settings.prefix.clone(),
-            queue_frames: within("queue_frames", settings.queue_frames, 1, 1024)? as usize,
+            frames: FrameLimits {
+                recorded: within("queue_frames", settings.queue_frames, 1, 1024)? as usize,
+                ..frames
+            },
             max_queries: within("max_queries", settings.max_queries, 1, 4096)? as usize,
             query_timeout: query_timeout(settings.query_timeout_s)?,
             status_interval: Duration::from_millis(
@@ -179,10 +194,12 @@ fn invalid(key: &str, problem: impl Into<String>) -> Error {
 mod tests {
     use super::*;
 
+    const LIMITS: FrameLimits = FrameLimits { sensors: 64, bytes: 1 << 29, live: 2, recorded: 1 };
+
     fn checked(change: impl FnOnce(&mut BusSettings)) -> Result<Option<BusConfig>> {
         let mut settings = BusSettings::default();
         change(&mut settings);
-        BusConfig::from_settings(&settings)
+        BusConfig::from_settings(&settings, LIMITS)
     }
 
     #[test]

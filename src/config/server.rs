@@ -7,7 +7,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BackendChoice, BusConfig, BusSettings, EncoderSettings, MapConfig, MapSettings, Schedule,
+    BackendChoice, BusConfig, BusSettings, EncoderSettings, FrameLimits, MapConfig, MapSettings,
+    Schedule,
 };
 use crate::error::{Error, Result};
 
@@ -159,6 +160,15 @@ impl ServerConfig {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
             threads => threads,
         };
+        let lane_frames = within("lane_frames", server.lane_frames, 1..=1024)?;
+        let lanes = within("lanes", server.lanes, 1..=4096)?;
+        let queued_bytes = within("queued_mib", server.queued_mib, 1..=1 << 20)? << 20;
+        let frames = FrameLimits {
+            sensors: lanes,
+            bytes: queued_bytes,
+            live: lane_frames,
+            recorded: lane_frames,
+        };
         let config = Self {
             grpc: address("grpc", &server.grpc, 7610)?,
             http: match server.http.as_str() {
@@ -170,9 +180,9 @@ impl ServerConfig {
             max_points: within("max_points", server.max_points, 1..=2_000_000)?,
             // A colour in f32, 12 bytes a pixel, must fit in an answer.
             max_pixels: within("max_pixels", server.max_pixels, 1..=4_800_000)?,
-            lane_frames: within("lane_frames", server.lane_frames, 1..=1024)?,
-            lanes: within("lanes", server.lanes, 1..=4096)?,
-            queued_bytes: within("queued_mib", server.queued_mib, 1..=1 << 20)? << 20,
+            lane_frames,
+            lanes,
+            queued_bytes,
             max_frame_age: max_frame_age(server.max_frame_age_s)?,
             publish_interval: Duration::from_millis(within(
                 "publish_interval_ms",
@@ -185,7 +195,7 @@ impl ServerConfig {
             storage: (!settings.storage.path.as_os_str().is_empty())
                 .then(|| settings.storage.path.clone()),
             encoder: settings.encoder.clone(),
-            bus: BusConfig::from_settings(&settings.bus)?,
+            bus: BusConfig::from_settings(&settings.bus, frames)?,
         };
         config.encoder.check()?;
         let map = MapConfig::from_settings(&settings.map).map_err(|e| match e {

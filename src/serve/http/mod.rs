@@ -34,6 +34,7 @@ use serde::Serialize;
 use tokio::sync::Semaphore;
 
 use super::calls::Calls;
+use super::zenoh::Tally;
 use crate::error::Error;
 use crate::service::Service;
 use limits::Limits;
@@ -49,6 +50,8 @@ struct Edge {
     service: OnceLock<Arc<Service>>,
     /// What came over gRPC, for the metrics.
     calls: OnceLock<Arc<Calls>>,
+    /// The same over Zenoh, where it is spoken.
+    zenoh: OnceLock<Arc<Tally>>,
     /// Why the server is not ready any more.
     stopping: OnceLock<String>,
     limits: Limits,
@@ -64,6 +67,7 @@ impl Edge {
         Self {
             service: OnceLock::new(),
             calls: OnceLock::new(),
+            zenoh: OnceLock::new(),
             stopping: OnceLock::new(),
             places: Semaphore::new(limits.requests),
             memory: body::memory(&limits),
@@ -74,8 +78,11 @@ impl Edge {
     }
 
     /// The map is loaded. It is loaded once.
-    fn serve(&self, service: Arc<Service>, calls: Arc<Calls>) {
+    fn serve(&self, service: Arc<Service>, calls: Arc<Calls>, zenoh: Option<Arc<Tally>>) {
         let _ = self.calls.set(calls);
+        if let Some(tally) = zenoh {
+            let _ = self.zenoh.set(tally);
+        }
         let _ = self.service.set(service);
     }
 
