@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use zenoh::Wait;
 use zenoh::config::Config;
 
 use super::options::{is_client, options};
@@ -10,8 +11,8 @@ use super::{Bus, Keys};
 use crate::config::BusConfig;
 use crate::error::{Error, Result};
 
-/// How long a router may be away before somebody is told.
-const PATIENCE: Duration = Duration::from_secs(2);
+/// The pause between two attempts to reach a router; each takes a while by itself.
+const PAUSE: Duration = Duration::from_millis(250);
 
 /// A session on its way.
 pub struct Joining {
@@ -21,7 +22,7 @@ pub struct Joining {
 
 enum Stage {
     /// Connects to a router, which may be started later than we are.
-    Waiting(Box<Config>),
+    Waiting(Config),
     Open(zenoh::Session),
 }
 
@@ -31,34 +32,54 @@ impl Joining {
     pub async fn begin(config: &BusConfig) -> Result<Self> {
         let options = options(config)?;
         let stage = match is_client(&options) {
-            true => Stage::Waiting(Box::new(options)),
+            true => Stage::Waiting(options),
             false => Stage::Open(open(options).await?),
         };
         Ok(Self { config: Arc::new(config.clone()), stage })
     }
 
-    /// The open session; of a client, once its router is there.
+    /// The open session; of a client, once its router is there, however long that takes.
     pub async fn joined(self) -> Result<Bus> {
         let session = match self.stage {
             Stage::Open(session) => session,
-            Stage::Waiting(options) => {
-                let mut opening = std::pin::pin!(open(*options));
-                match tokio::time::timeout(PATIENCE, &mut opening).await {
-                    Ok(opened) => opened?,
-                    Err(_) => {
-                        let at = self.config.connect.join(", ");
-                        tracing::warn!("no Zenoh router answers yet ({at}); trying on");
-                        opening.await?
-                    }
-                }
-            }
+            Stage::Waiting(options) => in_the_end(options).await,
         };
-        let keys = Arc::new(Keys::new(&self.config.prefix));
-        tracing::info!("joined Zenoh as {}", session.zid());
-        Ok(Bus { session, keys, config: self.config })
+        Ok(bus(session, self.config))
+    }
+
+    /// The same, if the router is there now.
+    pub async fn joined_now(self) -> Result<Bus> {
+        let session = match self.stage {
+            Stage::Open(session) => session,
+            Stage::Waiting(options) => open(options).await?,
+        };
+        Ok(bus(session, self.config))
     }
 }
 
+fn bus(session: zenoh::Session, config: Arc<BusConfig>) -> Bus {
+    tracing::info!("joined Zenoh as {}", session.zid());
+    Bus { session, keys: Arc::new(Keys::new(&config.prefix)), config }
+}
+
+/// Tries until it works; says so once if it does not at first.
+async fn in_the_end(options: Config) -> zenoh::Session {
+    let mut is_told = false;
+    loop {
+        match open(options.clone()).await {
+            Ok(session) => return session,
+            Err(error) if is_told => tracing::debug!("{error}"),
+            Err(error) => tracing::warn!("{error}; trying on"),
+        }
+        is_told = true;
+        tokio::time::sleep(PAUSE).await;
+    }
+}
+
+/// Opening blocks its thread, for as long as a connection may take (`options`), whatever its future
+/// says.
 async fn open(options: Config) -> Result<zenoh::Session> {
-    zenoh::open(options).await.map_err(|e| Error::Unavailable(format!("zenoh: {e}")))
+    let opening = tokio::task::spawn_blocking(move || zenoh::open(options).wait());
+    let opened = opening.await.map_err(|e| Error::Internal(format!("opening Zenoh: {e}")))?;
+    opened.map_err(|e| Error::Unavailable(format!("Zenoh does not open: {e}")))
 }

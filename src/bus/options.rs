@@ -11,6 +11,10 @@ use crate::wire::MAX_MESSAGE_BYTES;
 /// What stands around the largest message, bytes: key, encoding, attachment.
 const ENVELOPE_BYTES: usize = 1 << 20;
 
+/// How long one attempt to reach a router may take, ms: long enough for a TLS handshake over a bad
+/// line, and not much longer than somebody waits for a server to end.
+const CONNECT_MS: &str = "4000";
+
 /// The file, or what we take without one, and our settings over it.
 pub(super) fn options(bus: &BusConfig) -> Result<Config> {
     let mut options = match &bus.file {
@@ -30,9 +34,7 @@ pub(super) fn options(bus: &BusConfig) -> Result<Config> {
         }
     }
     if is_client(&options) {
-        // Zenoh by itself gives up at once where the router is not there yet.
-        set(&mut options, "zenoh", "connect/timeout_ms", "-1")?;
-        set(&mut options, "zenoh", "connect/exit_on_failure", "false")?;
+        set(&mut options, "zenoh", "connect/timeout_ms", CONNECT_MS)?;
         // And what we do not listen for is not listened for.
         if bus.listen.is_empty() {
             set(&mut options, "zenoh.mode", "listen/endpoints", "[]")?;
@@ -115,7 +117,7 @@ mod tests {
         assert_eq!(read(&client, "mode"), "\"client\"");
         assert_eq!(read(&client, "scouting/multicast/enabled"), "false");
         assert_eq!(read(&client, "listen/endpoints"), "[]");
-        assert_eq!(read(&client, "connect/timeout_ms"), "-1");
+        assert_eq!(read(&client, "connect/timeout_ms"), CONNECT_MS);
         let peer = of(|s| s.listen = vec!["tcp/127.0.0.1:0".into()]).expect("good");
         assert_eq!(read(&peer, "mode"), "\"peer\"");
         assert!(read(&peer, "listen/endpoints").contains("tcp/127.0.0.1:0"));
@@ -140,6 +142,16 @@ mod tests {
         let over = over.expect("good");
         assert!(read(&over, "connect/endpoints").contains("10.0.0.2"));
         assert_eq!(read(&over, "mode"), "\"client\"");
+    }
+
+    #[test]
+    fn the_examples_are_good_ones() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("deploy/zenoh");
+        for (name, mode) in [("client", "\"client\""), ("router", "\"router\"")] {
+            let path = folder.join(name).with_extension("json5");
+            let example = of(|s| s.config = path).expect(name);
+            assert_eq!(read(&example, "mode"), mode);
+        }
     }
 
     #[test]

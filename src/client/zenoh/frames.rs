@@ -1,6 +1,7 @@
 //! Frames over Zenoh, and the books of their acks, which may get lost on the way as frames may.
 
 use std::collections::BTreeMap;
+use std::ops::RangeBounds;
 use std::time::Duration;
 
 use prost::Message;
@@ -42,14 +43,17 @@ struct Sensor {
     _acks: Subscriber<()>,
 }
 
+/// A frame, by robot, sensor and number.
+type Of = (String, String, u64);
+
 struct Run {
     bus: Bus,
     told: mpsc::Sender<Result<v1::FrameAck>>,
     heard: mpsc::Sender<v1::FrameAck>,
     /// By robot and sensor.
     sensors: BTreeMap<(String, String), Sensor>,
-    /// Frames without a verdict, and until when one is waited for: by robot, sensor and number.
-    under_way: BTreeMap<(String, String, u64), Instant>,
+    /// Frames without a verdict, and until when one is waited for.
+    under_way: BTreeMap<Of, Instant>,
 }
 
 impl Run {
@@ -76,7 +80,10 @@ impl Run {
                     }
                 },
                 Some(ack) = hears.recv() => self.hear(ack).await,
-                () = late => self.give_up().await,
+                () = late => {
+                    let now = Instant::now();
+                    self.give_up(.., |until| *until <= now).await
+                }
             };
             if let Err(error) = done {
                 // A reader that is gone needs no reason.
@@ -133,15 +140,30 @@ impl Run {
             v1::FrameStatus::Accepted => self.under_way.contains_key(&of),
             _ => self.under_way.remove(&of).is_some(),
         };
-        if is_ours { self.tell(ack).await } else { Ok(()) }
+        if !is_ours {
+            return Ok(());
+        }
+        // Frames of a sensor are integrated in their order: the verdicts of those before are lost.
+        let before = (ack.status() == v1::FrameStatus::Integrated).then_some(of);
+        self.tell(ack).await?;
+        match before {
+            Some((robot, sensor, seq)) => {
+                let since = (robot.clone(), sensor.clone(), 0)..(robot, sensor, seq);
+                self.give_up(since, |_| true).await
+            }
+            None => Ok(()),
+        }
     }
 
-    /// Tells that frames have no verdict after all this time.
-    async fn give_up(&mut self) -> Result<()> {
-        let now = Instant::now();
-        let late: Vec<_> =
-            self.under_way.extract_if(.., |_, until| *until <= now).map(|(of, _)| of).collect();
-        for (robot_id, sensor_id, seq) in late {
+    /// Tells that these frames have no verdict, and waits for none any more.
+    async fn give_up(
+        &mut self,
+        these: impl RangeBounds<Of>,
+        is_lost: impl Fn(&Instant) -> bool,
+    ) -> Result<()> {
+        let lost = self.under_way.extract_if(these, |_, until| is_lost(until));
+        let lost: Vec<Of> = lost.map(|(of, _)| of).collect();
+        for (robot_id, sensor_id, seq) in lost {
             self.tell(v1::FrameAck { robot_id, sensor_id, seq, ..v1::FrameAck::default() }).await?;
         }
         Ok(())

@@ -11,7 +11,7 @@ use zenoh::bytes::Encoding;
 use zenoh::qos::Priority;
 use zenoh::query::{QueryTarget, Reply};
 
-use super::{Acks, CONNECT, TakesFrames};
+use super::{Acks, TakesFrames};
 use crate::bus::{Bus, Joining, Slices, bus_error, encoding_of};
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
@@ -40,11 +40,8 @@ impl ZenohClient {
     /// `zenoh+file:PATH[#prefix]`.
     pub async fn connect(url: &str) -> Result<Self> {
         let joining = Joining::begin(&read_address(url)?).await?;
-        let late = |_| {
-            Error::Unavailable(format!("no server answers at {url}: no connection in {CONNECT:?}"))
-        };
-        let bus = tokio::time::timeout(CONNECT, joining.joined()).await.map_err(late)??;
-        Ok(Self { bus })
+        let away = |e| Error::Unavailable(format!("no server answers at {url}: {e}"));
+        Ok(Self { bus: joining.joined_now().await.map_err(away)? })
     }
 
     /// The session and its keys.

@@ -48,8 +48,9 @@ pub(super) async fn publish(bus: Bus, map_id: String, mut acks: mpsc::Receiver<A
             .put(&key, ack.encode_to_vec())
             .encoding(encoding_of("FrameAck"))
             .congestion_control(CongestionControl::Drop)
-            .priority(Priority::InteractiveHigh)
-            .express(true);
+            // A line of their own, so that large answers do not crowd them out; not express, so that a
+            // burst of them is one packet.
+            .priority(Priority::RealTime);
         if let Err(error) = said.await {
             tracing::debug!("{key}: {error}");
         }

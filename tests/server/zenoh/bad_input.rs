@@ -90,7 +90,7 @@ async fn bad_questions_are_refused_and_named() {
         (points, ask(1).encode_to_vec(), encoding_of("RenderRequest"), invalid, "encoding"),
         (points, not_finite.encode_to_vec(), request(), invalid, "points_m[0].y"),
         (points, other_map.encode_to_vec(), request(), invalid, "map_id"),
-        (points, ask(101).encode_to_vec(), request(), 8, ""),
+        (points, ask(101).encode_to_vec(), request(), invalid, "points_m"),
         ("orenx/default/q/points?timeout_ms=soon", Vec::new(), request(), invalid, "timeout_ms"),
         ("orenx/default/q/dream", Vec::new(), request(), not_found, ""),
         ("orenx/default/q/*", Vec::new(), request(), not_found, ""),

@@ -1,9 +1,9 @@
 //! A Zenoh router as a child process: this test binary itself, called for one test that is no test.
 
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader, Lines, Read};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStdout, Command, Stdio};
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -18,6 +18,8 @@ pub(super) struct Router {
     folder: TempDir,
     endpoint: String,
     child: Option<Child>,
+    /// What it prints; without a reader it would not get to its end.
+    _printed: Option<Lines<BufReader<ChildStdout>>>,
 }
 
 impl Router {
@@ -37,7 +39,7 @@ impl Router {
             "transport": transport,
         });
         std::fs::write(folder.path().join("router.json5"), config.to_string()).unwrap();
-        let mut router = Self { folder, endpoint, child: None };
+        let mut router = Self { folder, endpoint, child: None, _printed: None };
         router.restart();
         router
     }
@@ -80,7 +82,7 @@ impl Router {
             .unwrap();
         let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
         let is_up = lines.any(|line| line.unwrap().contains(UP));
-        self.child = Some(child);
+        (self.child, self._printed) = (Some(child), Some(lines));
         assert!(is_up, "the router did not start");
     }
 }
