@@ -14,7 +14,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
-pub use bus::{BusConfig, BusMode, BusSettings, FrameLimits, check_chunk};
+pub use bus::{
+    BusConfig, BusMode, BusSettings, FrameLimits, SliceConfig, SliceSettings, check_chunk,
+};
 pub use encoder::{EncoderKind, EncoderSettings};
 pub use language::{CodeForm, DictionaryKind, LanguageConfig, MAX_ATOMS};
 pub use server::{

@@ -22,7 +22,7 @@ pub struct Joining {
 
 enum Stage {
     /// Connects to a router, which may be started later than we are.
-    Waiting(Config),
+    Waiting(Box<Config>),
     Open(zenoh::Session),
 }
 
@@ -32,7 +32,7 @@ impl Joining {
     pub async fn begin(config: &BusConfig) -> Result<Self> {
         let options = options(config)?;
         let stage = match is_client(&options) {
-            true => Stage::Waiting(options),
+            true => Stage::Waiting(Box::new(options)),
             false => Stage::Open(open(options).await?),
         };
         Ok(Self { config: Arc::new(config.clone()), stage })
@@ -42,7 +42,7 @@ impl Joining {
     pub async fn joined(self) -> Result<Bus> {
         let session = match self.stage {
             Stage::Open(session) => session,
-            Stage::Waiting(options) => in_the_end(options).await,
+            Stage::Waiting(options) => in_the_end(*options).await,
         };
         Ok(bus(session, self.config))
     }
@@ -51,7 +51,7 @@ impl Joining {
     pub async fn joined_now(self) -> Result<Bus> {
         let session = match self.stage {
             Stage::Open(session) => session,
-            Stage::Waiting(options) => open(options).await?,
+            Stage::Waiting(options) => open(*options).await?,
         };
         Ok(bus(session, self.config))
     }

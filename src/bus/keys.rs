@@ -73,6 +73,11 @@ impl Keys {
         self.of_map(map_id, "out/status")
     }
 
+    /// Where a slice of a map is said, again and again.
+    pub fn slice(&self, map_id: &str, name: &str) -> String {
+        self.of_map(map_id, &format!("out/slice/{name}"))
+    }
+
     /// Whoever serves the map lives as long as this token.
     pub fn alive(&self, map_id: &str, id: &str) -> String {
         self.of_map(map_id, &format!("alive/{id}"))

@@ -193,7 +193,7 @@ impl TakesFrames for Client {
             .stream_frames(frames)
             .await
             .map_err(|status| error_from_status(&status))?;
-        Ok(Acks(AckSource::Grpc(acks.into_inner())))
+        Ok(Acks(AckSource::Grpc(Box::new(acks.into_inner()))))
     }
 }
 
@@ -201,7 +201,7 @@ impl TakesFrames for Client {
 pub struct Acks(AckSource);
 
 enum AckSource {
-    Grpc(Streaming<v1::FrameAck>),
+    Grpc(Box<Streaming<v1::FrameAck>>),
     Bus(mpsc::Receiver<Result<v1::FrameAck>>),
 }
 

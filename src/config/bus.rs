@@ -14,6 +14,8 @@ const RESERVED: [char; 6] = ['*', '$', '?', '#', '@', '/'];
 const MAX_PREFIX_BYTES: usize = 256;
 /// The longest chunk of a key, bytes, as robots and sensors may have names.
 const MAX_CHUNK_BYTES: usize = 128;
+/// Slices that are said again and again.
+const MAX_SLICES: usize = 16;
 /// Endpoints of each kind.
 const MAX_ENDPOINTS: usize = 64;
 
@@ -30,6 +32,31 @@ pub struct BusSettings {
     pub max_queries: u32,
     pub query_timeout_s: f64,
     pub status_interval_ms: u32,
+    pub slices: Vec<SliceSettings>,
+}
+
+/// `[[zenoh.slices]]`: a slice of the map that is said again and again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SliceSettings {
+    pub name: String,
+    pub z_m: f32,
+    pub z_max_m: Option<f32>,
+    #[serde(default = "usual_resolution_m")]
+    pub resolution_m: f32,
+    #[serde(default = "usual_rate_hz")]
+    pub rate_hz: f64,
+    pub robot_radius_m: Option<f32>,
+    pub inflation_m: Option<f32>,
+}
+
+/// That of costmaps.
+fn usual_resolution_m() -> f32 {
+    0.05
+}
+
+fn usual_rate_hz() -> f64 {
+    5.0
 }
 
 impl Default for BusSettings {
@@ -44,6 +71,7 @@ impl Default for BusSettings {
             max_queries: 64,
             query_timeout_s: 10.0,
             status_interval_ms: 1000,
+            slices: Vec::new(),
         }
     }
 }
@@ -83,6 +111,21 @@ pub struct FrameLimits {
     pub recorded: usize,
 }
 
+/// Checked settings of a slice. Whether there may be such a slice is for who makes it to say.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SliceConfig {
+    /// The last part of its key.
+    pub name: String,
+    /// The plane, or the lower end of a band of heights.
+    pub z_m: f32,
+    /// The upper end of the band.
+    pub z_max_m: Option<f32>,
+    pub resolution_m: f32,
+    pub interval: Duration,
+    /// A robot's radius and how far costs reach, m; `None`: distances instead of costs.
+    pub costs: Option<(f32, f32)>,
+}
+
 /// Checked settings of the Zenoh session. Endpoints and the file are checked by who opens it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BusConfig {
@@ -101,6 +144,7 @@ pub struct BusConfig {
     pub query_timeout: Duration,
     /// The time between two publications of the map's state.
     pub status_interval: Duration,
+    pub slices: Vec<SliceConfig>,
 }
 
 impl BusConfig {
@@ -128,6 +172,7 @@ impl BusConfig {
             status_interval: Duration::from_millis(
                 within("status_interval_ms", settings.status_interval_ms, 10, 3_600_000)?.into(),
             ),
+            slices: slices(&settings.slices)?,
         };
         let is_on =
             config.file.is_some() || !config.connect.is_empty() || !config.listen.is_empty();
@@ -170,6 +215,43 @@ pub fn check_chunk(field: &str, chunk: &str) -> Result<()> {
         )),
         None => Ok(()),
     }
+}
+
+fn slices(settings: &[SliceSettings]) -> Result<Vec<SliceConfig>> {
+    if settings.len() > MAX_SLICES {
+        return Err(invalid("slices", format!("at most {MAX_SLICES}")));
+    }
+    let mut slices: Vec<SliceConfig> = Vec::with_capacity(settings.len());
+    for (at, slice) in settings.iter().enumerate() {
+        let field = |key: &str| format!("slices[{at}].{key}");
+        check_chunk(&format!("zenoh.{}", field("name")), &slice.name)?;
+        if slices.iter().any(|other| other.name == slice.name) {
+            return Err(invalid(&field("name"), format!("'{}' twice", slice.name)));
+        }
+        if !(0.001..=100.0).contains(&slice.rate_hz) {
+            return Err(invalid(
+                &field("rate_hz"),
+                format!("{} must be within 0.001..=100", slice.rate_hz),
+            ));
+        }
+        let costs = match (slice.robot_radius_m, slice.inflation_m) {
+            (Some(radius), Some(inflation)) => Some((radius, inflation)),
+            (None, None) => None,
+            _ => {
+                let problem = "goes with inflation_m, and neither without the other";
+                return Err(invalid(&field("robot_radius_m"), problem));
+            }
+        };
+        slices.push(SliceConfig {
+            name: slice.name.clone(),
+            z_m: slice.z_m,
+            z_max_m: slice.z_max_m,
+            resolution_m: slice.resolution_m,
+            interval: Duration::from_secs_f64(1.0 / slice.rate_hz),
+            costs,
+        });
+    }
+    Ok(slices)
 }
 
 fn query_timeout(seconds: f64) -> Result<Duration> {
@@ -219,6 +301,39 @@ mod tests {
         assert_eq!(mode(|s| s.config = "zenoh.json5".into()), None);
         let router = checked(|s| (s.listen, s.mode) = (tcp(), "router".into()));
         assert_eq!(router.expect("good").expect("on").mode, Some(BusMode::Router));
+    }
+
+    fn slice(name: &str) -> SliceSettings {
+        let text = format!("name = '{name}'\nz_m = 0.3\n");
+        toml::from_str(&text).expect("the rest has defaults")
+    }
+
+    #[test]
+    fn slices_are_checked_each() {
+        let slices = |slices: Vec<SliceSettings>| {
+            let checked = checked(|s| {
+                s.slices = slices;
+                s.connect = vec!["tcp/a:1".into()];
+            });
+            checked.map(|on| on.expect("on").slices)
+        };
+        let costs =
+            SliceSettings { robot_radius_m: Some(0.2), inflation_m: Some(0.5), ..slice("costs") };
+        let good = slices(vec![slice("plane"), costs.clone()]).expect("good");
+        assert_eq!(good[0].interval, Duration::from_millis(200));
+        assert_eq!((good[0].costs, good[1].costs), (None, Some((0.2, 0.5))));
+        let half = SliceSettings { inflation_m: None, ..costs.clone() };
+        let still = SliceSettings { rate_hz: 0.0, ..costs };
+        for (wrong, field) in [
+            (vec![slice("a/b")], "zenoh.slices[0].name"),
+            (vec![slice("a"), slice("a")], "zenoh.slices[1].name"),
+            (vec![half], "zenoh.slices[0].robot_radius_m"),
+            (vec![still], "zenoh.slices[0].rate_hz"),
+            (vec![slice("a"); 17], "zenoh.slices: at most"),
+        ] {
+            let error = slices(wrong).expect_err(field).to_string();
+            assert!(error.starts_with(field), "{error}");
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use tokio::net::TcpListener;
 use tokio::sync::watch;
+use tokio::task::JoinHandle;
 use tonic::server::NamedService;
 use tonic::transport::Server;
 use tonic::transport::server::TcpIncoming;
@@ -14,6 +15,7 @@ use tonic_health::server::HealthReporter;
 use super::calls::{Calls, Counting};
 use super::deadline::Deadlines;
 use super::grpc::Edge;
+use super::http::Door;
 use super::listeners::Listeners;
 use super::zenoh::{self, Tally};
 use crate::error::{Error, Result};
@@ -68,6 +70,7 @@ pub async fn run(
     let zenoh = bus.map(|joining| {
         tokio::spawn(zenoh::serve(joining, service.clone(), tally, closing.clone()))
     });
+    let beside = Beside { http, zenoh };
     let mut told = closing;
     let serving = Server::builder()
         .initial_stream_window_size(STREAM_WINDOW_BYTES)
@@ -97,28 +100,46 @@ pub async fn run(
         ended = service.ended() => ended,
     };
     set_health(&health, ServingStatus::NotServing).await;
-    if let Some(http) = &http {
-        http.stop(match &outcome {
-            Ok(()) => "the server is stopping".into(),
-            Err(error) => error.to_string(),
-        });
-    }
+    beside.stop(&outcome);
     service.stop();
     close.send_replace(true);
     match tokio::time::timeout(DRAIN, serving).await {
         Ok(served) => served.map_err(transport_error)?,
         Err(_) => tracing::warn!("some connections did not end within {DRAIN:?}"),
     }
-    if let Some(zenoh) = zenoh
-        && tokio::time::timeout(DRAIN, zenoh).await.is_err()
-    {
-        tracing::warn!("Zenoh did not end within {DRAIN:?}");
-    }
-    // HTTP goes last: it tells those who ask that the server is on its way down.
-    if let Some(http) = http {
-        http.close().await;
-    }
+    beside.close().await;
     outcome
+}
+
+/// What is served beside gRPC.
+struct Beside {
+    http: Option<Door>,
+    /// Ends by itself when the server closes.
+    zenoh: Option<JoinHandle<()>>,
+}
+
+impl Beside {
+    /// Says that the server is on its way down, and why.
+    fn stop(&self, outcome: &Result<()>) {
+        if let Some(http) = &self.http {
+            http.stop(match outcome {
+                Ok(()) => "the server is stopping".into(),
+                Err(error) => error.to_string(),
+            });
+        }
+    }
+
+    /// Waits until nothing is served any more. HTTP goes last: it tells those who ask.
+    async fn close(self) {
+        if let Some(zenoh) = self.zenoh
+            && tokio::time::timeout(DRAIN, zenoh).await.is_err()
+        {
+            tracing::warn!("Zenoh did not end within {DRAIN:?}");
+        }
+        if let Some(http) = self.http {
+            http.close().await;
+        }
+    }
 }
 
 /// Connections whose small messages go out at once: without it an answer waits 40 ms for the

@@ -161,9 +161,10 @@ impl Run {
         these: impl RangeBounds<Of>,
         is_lost: impl Fn(&Instant) -> bool,
     ) -> Result<()> {
-        let lost = self.under_way.extract_if(these, |_, until| is_lost(until));
-        let lost: Vec<Of> = lost.map(|(of, _)| of).collect();
+        let in_range = self.under_way.range(these).filter(|(_, until)| is_lost(until));
+        let lost: Vec<Of> = in_range.map(|(of, _)| of.clone()).collect();
         for (robot_id, sensor_id, seq) in lost {
+            self.under_way.remove(&(robot_id.clone(), sensor_id.clone(), seq));
             self.tell(v1::FrameAck { robot_id, sensor_id, seq, ..v1::FrameAck::default() }).await?;
         }
         Ok(())

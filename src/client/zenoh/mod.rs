@@ -107,10 +107,11 @@ impl ZenohClient {
         message: &impl Message,
     ) -> Result<A> {
         let key = self.bus.keys().question(map_id, verb);
+        let selector = format!("{key}?timeout_ms={}", ANSWER.as_millis());
         let replies = self
             .bus
             .session()
-            .get(&key)
+            .get(selector)
             .payload(message.encode_to_vec())
             .encoding(encoding_of(request))
             .target(QueryTarget::BestMatching)

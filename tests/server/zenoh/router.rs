@@ -29,16 +29,24 @@ impl Router {
 
     /// `prepare` puts files beside the configuration.
     pub(super) fn with(at: &str, transport: Value, prepare: impl FnOnce(&Path)) -> Self {
+        Self::configured(at, |endpoint, folder| {
+            prepare(folder);
+            let config = json!({
+                "mode": "router",
+                "listen": { "endpoints": [endpoint] },
+                "scouting": { "multicast": { "enabled": false } },
+                "transport": transport,
+            });
+            config.to_string()
+        })
+    }
+
+    /// `config` writes the configuration, for an endpoint and with files in a folder.
+    pub(super) fn configured(at: &str, config: impl FnOnce(&str, &Path) -> String) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        prepare(folder.path());
         let endpoint = format!("{at}:{}", free_port());
-        let config = json!({
-            "mode": "router",
-            "listen": { "endpoints": [endpoint] },
-            "scouting": { "multicast": { "enabled": false } },
-            "transport": transport,
-        });
-        std::fs::write(folder.path().join("router.json5"), config.to_string()).unwrap();
+        let text = config(&endpoint, folder.path());
+        std::fs::write(folder.path().join("router.json5"), text).unwrap();
         let mut router = Self { folder, endpoint, child: None, _printed: None };
         router.restart();
         router
