@@ -4,6 +4,7 @@
 mod http;
 mod images;
 mod language;
+mod planner;
 mod questioner;
 mod stream;
 
@@ -35,6 +36,7 @@ use crate::wire::{
 
 pub use http::HttpClient;
 pub use images::camera_json;
+pub use planner::{RegionNews, TrajectoryNews};
 pub use questioner::Questioner;
 pub use stream::{Outgoing, Pace, StreamReport, load_ahead, send};
 
