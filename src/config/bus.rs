@@ -234,6 +234,7 @@ fn slices(settings: &[SliceSettings]) -> Result<Vec<SliceConfig>> {
                 format!("{} must be within 0.001..=100", slice.rate_hz),
             ));
         }
+        check_measures(slice).map_err(|(key, problem)| invalid(&field(key), problem))?;
         let costs = match (slice.robot_radius_m, slice.inflation_m) {
             (Some(radius), Some(inflation)) => Some((radius, inflation)),
             (None, None) => None,
@@ -252,6 +253,23 @@ fn slices(settings: &[SliceSettings]) -> Result<Vec<SliceConfig>> {
         });
     }
     Ok(slices)
+}
+
+/// Numbers that no slice can have; the rest depends on the map.
+fn check_measures(slice: &SliceSettings) -> std::result::Result<(), (&'static str, String)> {
+    for (key, value, range) in [
+        ("z_m", Some(slice.z_m), -10_000.0..=10_000.0),
+        ("z_max_m", slice.z_max_m, slice.z_m..=10_000.0),
+        ("resolution_m", Some(slice.resolution_m), 0.001..=100.0),
+        ("robot_radius_m", slice.robot_radius_m, 0.0..=100.0),
+        ("inflation_m", slice.inflation_m, slice.robot_radius_m.unwrap_or(0.0)..=100.0),
+    ] {
+        if value.is_some_and(|value| !range.contains(&value)) {
+            let (low, high) = range.into_inner();
+            return Err((key, format!("{} must be within {low}..={high}", value.unwrap_or(0.0))));
+        }
+    }
+    Ok(())
 }
 
 fn query_timeout(seconds: f64) -> Result<Duration> {
@@ -323,11 +341,15 @@ mod tests {
         assert_eq!(good[0].interval, Duration::from_millis(200));
         assert_eq!((good[0].costs, good[1].costs), (None, Some((0.2, 0.5))));
         let half = SliceSettings { inflation_m: None, ..costs.clone() };
+        let upside_down = SliceSettings { z_max_m: Some(-1.0), ..costs.clone() };
+        let nowhere = SliceSettings { z_m: f32::NAN, ..costs.clone() };
         let still = SliceSettings { rate_hz: 0.0, ..costs };
         for (wrong, field) in [
             (vec![slice("a/b")], "zenoh.slices[0].name"),
             (vec![slice("a"), slice("a")], "zenoh.slices[1].name"),
             (vec![half], "zenoh.slices[0].robot_radius_m"),
+            (vec![upside_down], "zenoh.slices[0].z_max_m: -1"),
+            (vec![nowhere], "zenoh.slices[0].z_m: NaN"),
             (vec![still], "zenoh.slices[0].rate_hz"),
             (vec![slice("a"); 17], "zenoh.slices: at most"),
         ] {

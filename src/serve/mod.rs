@@ -5,6 +5,7 @@ mod deadline;
 mod grpc;
 mod http;
 mod listeners;
+mod planner;
 mod run;
 mod stream;
 mod zenoh;

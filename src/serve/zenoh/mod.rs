@@ -1,8 +1,8 @@
 //! The server on Zenoh, from its first connection to its way down: frames in, questions answered, the
-//! state of the map said again and again, and a token that lives as long as all of it.
+//! state of the map and slices of it said again and again, and a token that lives as long as all of it.
 
 mod questions;
-mod status;
+mod said;
 mod tally;
 mod verbs;
 
@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::ingest::FrameSubscriber;
 use crate::service::{DEFAULT_MAP, Service};
 use questions::Questions;
-use status::say_status;
+use said::say_all;
 pub(super) use tally::Tally;
 
 /// Serves until `closing` turns true. A failure is told and counted out: the server's other transports
@@ -56,7 +56,7 @@ async fn serve_on(
     let token = token.map_err(|e| bus_error(&key, &e))?;
     tally.join();
     let said = tokio::select! {
-        said = say_status(bus, service, DEFAULT_MAP) => said,
+        said = say_all(bus, service, DEFAULT_MAP) => said,
         () = closed(closing) => Ok(()),
     };
     if let Err(error) = token.undeclare().await {

@@ -8,8 +8,10 @@ use prost::Message;
 use crate::error::{Error, Result};
 use crate::service::{Call, Service};
 use crate::wire::{
-    classify_reply_to_wire, encoders_to_wire, find_reply_to_wire, image_reply_to_wire,
-    map_detail_to_wire, map_stats_to_wire, points_reply_to_wire, read_message, settle_name, v1,
+    classify_reply_to_wire, encoders_to_wire, find_reply_to_wire, grid_reply_to_wire,
+    image_reply_to_wire, map_detail_to_wire, map_stats_to_wire, nearest_reply_to_wire,
+    points_reply_to_wire, rays_reply_to_wire, read_message, settle_name, slice_reply_to_wire,
+    spheres_reply_to_wire, trajectories_reply_to_wire, v1,
 };
 
 /// An answer, ready to be sent.
@@ -58,6 +60,18 @@ macro_rules! verbs {
 verbs! { |service, asked, started|
     "points": QueryPointsRequest => QueryPointsReply =
         points_reply_to_wire(service.query_points(asked.try_into()?, Call::ZenohQueryPoints).await?);
+    "spheres": QuerySpheresRequest => QuerySpheresReply =
+        spheres_reply_to_wire(service.query_spheres(asked.try_into()?, Call::ZenohQuerySpheres).await?);
+    "trajectories": CheckTrajectoriesRequest => CheckTrajectoriesReply = trajectories_reply_to_wire(
+        service.check_trajectories(asked.try_into()?, Call::ZenohCheckTrajectories).await?);
+    "rays": CastRaysRequest => CastRaysReply =
+        rays_reply_to_wire(service.cast_rays(asked.try_into()?, Call::ZenohCastRays).await?);
+    "grid": GetGridRequest => GetGridReply =
+        grid_reply_to_wire(service.get_grid(asked.try_into()?, Call::ZenohGetGrid).await?);
+    "slice": GetSliceRequest => GetSliceReply =
+        slice_reply_to_wire(service.get_slice(asked.try_into()?, Call::ZenohGetSlice).await?);
+    "nearest": FindNearestRequest => FindNearestReply =
+        nearest_reply_to_wire(service.find_nearest(asked.try_into()?, Call::ZenohFindNearest).await?);
     "render": RenderRequest => RenderReply =
         image_reply_to_wire(service.render(asked.try_into()?, Call::ZenohRender).await?);
     "text": QueryTextRequest => QueryTextReply =

@@ -6,6 +6,7 @@ mod fleet;
 mod life;
 mod router;
 mod secure;
+mod verbs;
 
 use orenx::bus::{FrameKey, Slices, encoding_of};
 use orenx::client::ZenohClient;
