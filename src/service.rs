@@ -5,19 +5,29 @@
 
 mod counters;
 mod find;
+mod grid;
 mod image;
 mod language;
 mod maps;
+mod nearest;
 mod question;
+mod rays;
 mod readers;
+mod slice;
 mod sought;
+mod spheres;
 mod studio;
 mod tasks;
+mod terms;
 mod times;
+mod trajectories;
+mod watch;
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
+
+use tokio::sync::Semaphore;
 
 use crate::config::{MapConfig, ServerConfig};
 use crate::encoder::TextEncoder;
@@ -36,20 +46,31 @@ pub use find::{
     ClassifyQuestion, ClassifyReply, Encoders, FindQuestion, FindReply, MAX_CLASS_SCORES,
     MAX_CLASSES, MAX_MATCHES,
 };
+pub use grid::{Grid, GridColumns, GridQuestion, GridReply, MAX_VOXELS, NumberFormat};
 pub use image::{ImageKind, ImageQuestion, ImageReply, MAX_IMAGE_BYTES, MAX_IMAGES};
 pub use maps::{MapDetail, MapReport, MapSummary};
+pub use nearest::{NearestQuestion, NearestReply};
 use question::demand;
 pub use question::{
     MAP_FRAME, PointsQuestion, PointsReply, Unknown, UnknownPolicy, check_frame_id,
     check_unknown_distance, points_of,
 };
+pub use rays::{RaysQuestion, RaysReply, vectors_of};
 use readers::Readers;
+pub use slice::{Level, SliceQuestion, SliceReply};
 use sought::Words;
 pub use sought::{MAX_PROMPTS, Sought};
+pub use spheres::{SpheresQuestion, SpheresReply, spheres_of};
 use studio::Studio;
 use tasks::PointsTask;
+pub use terms::{Answered, Terms};
 use times::Times;
 pub use times::{Call, CallTimes};
+pub use trajectories::{TrajectoriesQuestion, TrajectoriesReply, waypoints_of};
+use watch::MAX_WATCHES;
+pub use watch::{
+    RegionBrick, RegionChange, RegionQuestion, RegionWatch, TrajectoryWatch, WatchedTrajectories,
+};
 
 /// The id of the one map.
 pub const DEFAULT_MAP: &str = "default";
@@ -64,6 +85,8 @@ pub struct Service {
     counters: Arc<Counters>,
     times: Times,
     words: Words,
+    /// Places of watches.
+    watches: Arc<Semaphore>,
     max_points: usize,
     max_pixels: usize,
 }
@@ -97,6 +120,7 @@ impl Service {
             counters: Arc::default(),
             times: Times::default(),
             words,
+            watches: Arc::new(Semaphore::new(MAX_WATCHES)),
             max_points: config.max_points,
             max_pixels: config.max_pixels,
         };
@@ -138,7 +162,17 @@ impl Service {
 
     /// Refuses a frame that could not even be read, so that it is counted like any other.
     pub fn refuse_frame(&self, error: Error, sink: Box<dyn FrameSink>, arrived: Instant) {
-        Counted::receive(&self.counters, sink, arrived).settle(Verdict::Rejected(error));
+        self.settle_frame(Verdict::Rejected(error), sink, arrived);
+    }
+
+    /// Counts a frame that gave way, or was refused, before it was read.
+    pub fn settle_frame(&self, verdict: Verdict, sink: Box<dyn FrameSink>, arrived: Instant) {
+        Counted::receive(&self.counters, sink, arrived).settle(verdict);
+    }
+
+    /// Counts frames that were sent and never came, where a transport can tell.
+    pub fn lose_frames(&self, frames: u64) {
+        self.counters.lose(frames);
     }
 
     /// Answers points from the newest view, if it is as new as the question demands. Small questions

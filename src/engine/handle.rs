@@ -79,6 +79,23 @@ impl Handle {
         self.0.published.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
+    /// The newest view once it is of another epoch than `epoch`; `None` once the thread has ended.
+    pub async fn published_after(&self, epoch: u64) -> Option<Published> {
+        poll_fn(|context| {
+            // Remembered first, so that no view comes in between.
+            remember(&mut self.0.followers(), context.waker());
+            let published = self.published();
+            if published.view.epoch() != epoch {
+                return Poll::Ready(Some(published));
+            }
+            match self.0.inbox().phase {
+                Phase::Ended(_) => Poll::Ready(None),
+                Phase::Running | Phase::Stopping => Poll::Pending,
+            }
+        })
+        .await
+    }
+
     /// Empties the map: the frame at hand is finished, those that wait are dropped, and an empty map
     /// is published. Returns when it is; dropping the future does not take the wish back.
     pub async fn reset(&self) -> Result<Emptied> {
@@ -153,6 +170,8 @@ pub(super) struct Shared {
     inbox: Mutex<Inbox>,
     bell: Condvar,
     published: RwLock<Published>,
+    /// Those who wait for the next view.
+    followers: Mutex<Vec<Waker>>,
     sessions: AtomicU64,
 }
 
@@ -168,6 +187,7 @@ impl Shared {
             }),
             bell: Condvar::new(),
             published: RwLock::new(first),
+            followers: Mutex::default(),
             sessions: AtomicU64::new(1),
         }
     }
@@ -175,6 +195,10 @@ impl Shared {
     /// Nothing panics while it holds this lock, and a poisoned one must not stop the shutdown.
     fn inbox(&self) -> MutexGuard<'_, Inbox> {
         self.inbox.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn followers(&self) -> MutexGuard<'_, Vec<Waker>> {
+        self.followers.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Queues a job or settles it; hands it back after remembering `waker` when it must wait.
@@ -230,6 +254,7 @@ impl Shared {
         let old = std::mem::replace(&mut *slot, newest);
         drop(slot);
         drop(old);
+        wake(&mut self.followers());
     }
 
     /// The number of a new wish for an empty map.
@@ -280,6 +305,7 @@ impl Shared {
         wake(&mut inbox.senders);
         wake(&mut inbox.watchers);
         drop(inbox);
+        wake(&mut self.followers());
         for job in waiting {
             job.ticket.settle(Verdict::Dropped(Reason::Stopping));
         }

@@ -3,40 +3,52 @@
 mod budget;
 mod codes;
 mod empty;
+mod grid;
 mod language;
 mod mapper;
 mod mesh;
 mod mirror;
+mod nearest;
 mod pages;
 mod parallel;
+mod paths;
 mod picture;
 mod publish;
 mod query;
+mod rays;
 mod render;
 mod robots;
 mod slice;
+mod sphere;
 mod state;
 mod trainer;
 mod view;
+mod waypoint;
 
 pub use codes::ViewCodesState;
+pub use grid::GridShape;
 pub use language::{
     FindSettings, Findings, LanguageCounts, Match, OrientedBox, Places, Scorer, Viewpoint,
 };
 pub use mapper::{FrameOutcome, MapStats, Mapper};
 pub use mesh::{TriangleMesh, default_resolution_m, extract_mesh};
 pub use mirror::{Changes, Copied, Copying, Head, Part, Table};
+pub use nearest::{NearestAnswers, nearest_surfaces};
 pub use parallel::{CHUNK_POINTS, PointQuery, query_parallel, query_pool};
+pub use paths::{PathPart, PathPlace, PathSettings, PathVerdict, check_paths, looks};
 pub use picture::{Encoding, Output};
 pub use query::{Fields, PointAnswers, State};
+pub use rays::{LONGEST_M, Ray, RayAnswers, RayState, Unseen, cast_rays};
 pub use render::{
     Camera, Channels, MAX_SIDE, RenderSettings, Renderer, Rendering, SamplePosition, render,
     render_with,
 };
 pub use robots::Robots;
-pub use slice::{Plane, Slice, draw_slice, slice};
+pub use slice::{Costs, LevelShape, Plane, Slice, draw_slice, slice};
+pub use sphere::Sphere;
 pub use state::{MapperState, Progress, ViewRecord, ViewState};
 pub use trainer::Trainer;
 #[cfg(test)]
 pub(crate) use trainer::tests::lose_device;
 pub use view::MapView;
+pub use waypoint::Waypoint;

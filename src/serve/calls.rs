@@ -11,7 +11,7 @@ use tower_layer::Layer;
 use tower_service::Service;
 
 /// Every call of ours; the last counter is for all others.
-const CALLS: [&str; 13] = [
+const CALLS: [&str; 21] = [
     "/orenx.v1.Ingest/StreamFrames",
     "/orenx.v1.Query/QueryPoints",
     "/orenx.v1.Query/StreamQuery",
@@ -21,6 +21,14 @@ const CALLS: [&str; 13] = [
     "/orenx.v1.Language/QueryEmbedding",
     "/orenx.v1.Language/Classify",
     "/orenx.v1.Language/ListEncoders",
+    "/orenx.v1.Planner/QuerySpheres",
+    "/orenx.v1.Planner/CheckTrajectories",
+    "/orenx.v1.Planner/CastRays",
+    "/orenx.v1.Planner/GetGrid",
+    "/orenx.v1.Planner/GetSlice",
+    "/orenx.v1.Planner/FindNearest",
+    "/orenx.v1.Planner/WatchRegion",
+    "/orenx.v1.Planner/WatchTrajectory",
     "/orenx.v1.Maps/ListMaps",
     "/orenx.v1.Maps/GetMap",
     "/orenx.v1.Maps/GetMapStats",
@@ -28,7 +36,7 @@ const CALLS: [&str; 13] = [
 ];
 
 /// The codes of gRPC, by number.
-const CODES: [&str; 17] = [
+pub(super) const CODES: [&str; 17] = [
     "OK",
     "CANCELLED",
     "UNKNOWN",

@@ -24,8 +24,8 @@ use crate::wire::{
 /// `orenx.v1.Query`, `Render`, `Language` and `Maps`: messages in, verbs, messages out.
 #[derive(Clone)]
 pub(super) struct Edge {
-    service: Arc<Service>,
-    closing: watch::Receiver<bool>,
+    pub(super) service: Arc<Service>,
+    pub(super) closing: watch::Receiver<bool>,
 }
 
 impl Edge {

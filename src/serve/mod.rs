@@ -5,8 +5,10 @@ mod deadline;
 mod grpc;
 mod http;
 mod listeners;
+mod planner;
 mod run;
 mod stream;
+mod zenoh;
 
 pub use http::Door;
 pub(crate) use http::Found;

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use tokio::net::TcpListener;
 use tokio::sync::watch;
+use tokio::task::JoinHandle;
 use tonic::server::NamedService;
 use tonic::transport::Server;
 use tonic::transport::server::TcpIncoming;
@@ -14,13 +15,16 @@ use tonic_health::server::HealthReporter;
 use super::calls::{Calls, Counting};
 use super::deadline::Deadlines;
 use super::grpc::Edge;
+use super::http::Door;
 use super::listeners::Listeners;
+use super::zenoh::{self, Tally};
 use crate::error::{Error, Result};
 use crate::ingest::IngestService;
 use crate::service::Service;
 use crate::wire::v1::ingest_server::IngestServer;
 use crate::wire::v1::language_server::LanguageServer;
 use crate::wire::v1::maps_server::MapsServer;
+use crate::wire::v1::planner_server::PlannerServer;
 use crate::wire::v1::query_server::QueryServer;
 use crate::wire::v1::render_server::RenderServer;
 use crate::wire::{DESCRIPTORS, MAX_MESSAGE_BYTES};
@@ -44,7 +48,7 @@ pub async fn run(
     service: Arc<Service>,
     shutdown: impl Future<Output = ()>,
 ) -> Result<()> {
-    let Listeners { grpc: listener, http } = listeners.into();
+    let Listeners { grpc: listener, http, bus } = listeners.into();
     let (close, closing) = watch::channel(false);
     let (health, health_service) = tonic_health::server::health_reporter();
     set_health(&health, ServingStatus::Serving).await;
@@ -59,10 +63,18 @@ pub async fn run(
     let language = LanguageServer::new(edge.clone())
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
+    let planner = PlannerServer::new(edge.clone())
+        .max_decoding_message_size(MAX_MESSAGE_BYTES)
+        .max_encoding_message_size(MAX_MESSAGE_BYTES);
     let calls = Arc::<Calls>::default();
+    let tally = Arc::<Tally>::default();
     if let Some(http) = &http {
-        http.serve(service.clone(), calls.clone());
+        http.serve(service.clone(), calls.clone(), bus.is_some().then(|| tally.clone()));
     }
+    let zenoh = bus.map(|joining| {
+        tokio::spawn(zenoh::serve(joining, service.clone(), tally, closing.clone()))
+    });
+    let beside = Beside { http, zenoh };
     let mut told = closing;
     let serving = Server::builder()
         .initial_stream_window_size(STREAM_WINDOW_BYTES)
@@ -79,6 +91,7 @@ pub async fn run(
         .add_service(query)
         .add_service(render)
         .add_service(language)
+        .add_service(planner)
         .add_service(MapsServer::new(edge))
         .serve_with_incoming_shutdown(at_once(listener), async move {
             // An error means that `run` is gone, and everything with it.
@@ -92,23 +105,46 @@ pub async fn run(
         ended = service.ended() => ended,
     };
     set_health(&health, ServingStatus::NotServing).await;
-    if let Some(http) = &http {
-        http.stop(match &outcome {
-            Ok(()) => "the server is stopping".into(),
-            Err(error) => error.to_string(),
-        });
-    }
+    beside.stop(&outcome);
     service.stop();
     close.send_replace(true);
     match tokio::time::timeout(DRAIN, serving).await {
         Ok(served) => served.map_err(transport_error)?,
         Err(_) => tracing::warn!("some connections did not end within {DRAIN:?}"),
     }
-    // HTTP goes last: it tells those who ask that the server is on its way down.
-    if let Some(http) = http {
-        http.close().await;
-    }
+    beside.close().await;
     outcome
+}
+
+/// What is served beside gRPC.
+struct Beside {
+    http: Option<Door>,
+    /// Ends by itself when the server closes.
+    zenoh: Option<JoinHandle<()>>,
+}
+
+impl Beside {
+    /// Says that the server is on its way down, and why.
+    fn stop(&self, outcome: &Result<()>) {
+        if let Some(http) = &self.http {
+            http.stop(match outcome {
+                Ok(()) => "the server is stopping".into(),
+                Err(error) => error.to_string(),
+            });
+        }
+    }
+
+    /// Waits until nothing is served any more. HTTP goes last: it tells those who ask.
+    async fn close(self) {
+        if let Some(zenoh) = self.zenoh
+            && tokio::time::timeout(DRAIN, zenoh).await.is_err()
+        {
+            tracing::warn!("Zenoh did not end within {DRAIN:?}");
+        }
+        if let Some(http) = self.http {
+            http.close().await;
+        }
+    }
 }
 
 /// Connections whose small messages go out at once: without it an answer waits 40 ms for the
@@ -124,6 +160,7 @@ async fn set_health(health: &HealthReporter, status: ServingStatus) {
         <IngestServer<IngestService> as NamedService>::NAME,
         <LanguageServer<Edge> as NamedService>::NAME,
         <MapsServer<Edge> as NamedService>::NAME,
+        <PlannerServer<Edge> as NamedService>::NAME,
         <QueryServer<Edge> as NamedService>::NAME,
         <RenderServer<Edge> as NamedService>::NAME,
     ] {

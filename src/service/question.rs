@@ -163,7 +163,7 @@ pub(super) fn demand(
 }
 
 impl Unknown {
-    fn check(&self) -> Result<()> {
+    pub(super) fn check(&self) -> Result<()> {
         let Some(distance_m) = self.distance_m else { return Ok(()) };
         if self.policy == UnknownPolicy::Report {
             return Err(Error::invalid(
@@ -188,7 +188,7 @@ impl Unknown {
 /// What takes the place of NaN. A gradient becomes zero: no direction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Fill {
-    distance_m: f32,
+    pub(super) distance_m: f32,
     occupancy: f32,
 }
 

@@ -90,7 +90,6 @@ impl Task for FindTask {
     }
 
     fn part(&self, _chunk: usize, is_left: &(dyn Fn() -> bool + Sync)) -> Result<Findings> {
-        let left = || Error::Unavailable("nobody waits for this answer any more".into());
         self.view.find(&self.scorer, &self.settings, is_left).ok_or_else(left)
     }
 
@@ -135,6 +134,11 @@ impl Task for ClassifyTask {
     }
 }
 
-fn of_chunk(points: &[Vec3], chunk: usize, size: usize) -> &[Vec3] {
-    &points[chunk * size..points.len().min((chunk + 1) * size)]
+pub(super) fn of_chunk<T>(items: &[T], chunk: usize, size: usize) -> &[T] {
+    &items[chunk * size..items.len().min((chunk + 1) * size)]
+}
+
+/// Of a question that was left.
+pub(super) fn left() -> Error {
+    Error::Unavailable("nobody waits for this answer any more".into())
 }

@@ -15,15 +15,38 @@ pub enum Call {
     GrpcQueryText,
     GrpcQueryEmbedding,
     GrpcClassify,
+    GrpcQuerySpheres,
+    GrpcCheckTrajectories,
+    GrpcCastRays,
+    GrpcGetGrid,
+    GrpcGetSlice,
+    GrpcFindNearest,
     HttpQueryPoints,
     HttpRender,
     HttpQueryText,
     HttpQueryEmbedding,
     HttpClassify,
+    HttpQuerySpheres,
+    HttpCheckTrajectories,
+    HttpCastRays,
+    HttpGetGrid,
+    HttpGetSlice,
+    HttpFindNearest,
+    ZenohQueryPoints,
+    ZenohRender,
+    ZenohQueryText,
+    ZenohQueryEmbedding,
+    ZenohClassify,
+    ZenohQuerySpheres,
+    ZenohCheckTrajectories,
+    ZenohCastRays,
+    ZenohGetGrid,
+    ZenohGetSlice,
+    ZenohFindNearest,
 }
 
 impl Call {
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 35] = [
         Self::GrpcQueryPoints,
         Self::GrpcStreamQuery,
         Self::GrpcRender,
@@ -31,11 +54,34 @@ impl Call {
         Self::GrpcQueryText,
         Self::GrpcQueryEmbedding,
         Self::GrpcClassify,
+        Self::GrpcQuerySpheres,
+        Self::GrpcCheckTrajectories,
+        Self::GrpcCastRays,
+        Self::GrpcGetGrid,
+        Self::GrpcGetSlice,
+        Self::GrpcFindNearest,
         Self::HttpQueryPoints,
         Self::HttpRender,
         Self::HttpQueryText,
         Self::HttpQueryEmbedding,
         Self::HttpClassify,
+        Self::HttpQuerySpheres,
+        Self::HttpCheckTrajectories,
+        Self::HttpCastRays,
+        Self::HttpGetGrid,
+        Self::HttpGetSlice,
+        Self::HttpFindNearest,
+        Self::ZenohQueryPoints,
+        Self::ZenohRender,
+        Self::ZenohQueryText,
+        Self::ZenohQueryEmbedding,
+        Self::ZenohClassify,
+        Self::ZenohQuerySpheres,
+        Self::ZenohCheckTrajectories,
+        Self::ZenohCastRays,
+        Self::ZenohGetGrid,
+        Self::ZenohGetSlice,
+        Self::ZenohFindNearest,
     ];
 
     /// The names of the transport and of the verb.
@@ -48,11 +94,34 @@ impl Call {
             Self::GrpcQueryText => ("grpc", "query_text"),
             Self::GrpcQueryEmbedding => ("grpc", "query_embedding"),
             Self::GrpcClassify => ("grpc", "classify"),
+            Self::GrpcQuerySpheres => ("grpc", "query_spheres"),
+            Self::GrpcCheckTrajectories => ("grpc", "check_trajectories"),
+            Self::GrpcCastRays => ("grpc", "cast_rays"),
+            Self::GrpcGetGrid => ("grpc", "get_grid"),
+            Self::GrpcGetSlice => ("grpc", "get_slice"),
+            Self::GrpcFindNearest => ("grpc", "find_nearest"),
             Self::HttpQueryPoints => ("http", "query_points"),
             Self::HttpRender => ("http", "render"),
             Self::HttpQueryText => ("http", "query_text"),
             Self::HttpQueryEmbedding => ("http", "query_embedding"),
             Self::HttpClassify => ("http", "classify"),
+            Self::HttpQuerySpheres => ("http", "query_spheres"),
+            Self::HttpCheckTrajectories => ("http", "check_trajectories"),
+            Self::HttpCastRays => ("http", "cast_rays"),
+            Self::HttpGetGrid => ("http", "get_grid"),
+            Self::HttpGetSlice => ("http", "get_slice"),
+            Self::HttpFindNearest => ("http", "find_nearest"),
+            Self::ZenohQueryPoints => ("zenoh", "query_points"),
+            Self::ZenohRender => ("zenoh", "render"),
+            Self::ZenohQueryText => ("zenoh", "query_text"),
+            Self::ZenohQueryEmbedding => ("zenoh", "query_embedding"),
+            Self::ZenohClassify => ("zenoh", "classify"),
+            Self::ZenohQuerySpheres => ("zenoh", "query_spheres"),
+            Self::ZenohCheckTrajectories => ("zenoh", "check_trajectories"),
+            Self::ZenohCastRays => ("zenoh", "cast_rays"),
+            Self::ZenohGetGrid => ("zenoh", "get_grid"),
+            Self::ZenohGetSlice => ("zenoh", "get_slice"),
+            Self::ZenohFindNearest => ("zenoh", "find_nearest"),
         }
     }
 }
@@ -67,9 +136,15 @@ pub struct CallTimes {
     pub compute: Distribution,
 }
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Times {
     calls: [(Histogram, Histogram); Call::ALL.len()],
+}
+
+impl Default for Times {
+    fn default() -> Self {
+        Self { calls: std::array::from_fn(|_| Default::default()) }
+    }
 }
 
 impl Times {

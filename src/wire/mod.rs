@@ -8,21 +8,25 @@ mod codec;
 mod columns;
 mod ending;
 mod features;
+mod frame_head;
 mod geometry;
 mod image;
 mod ingest;
 mod language;
 mod maps;
+mod planner;
 mod query;
 mod render;
 mod status;
+mod watch;
 
-pub use codec::Messages;
+pub use codec::{Messages, read_message};
 pub use columns::{
     COLUMNS, EPOCH, HEIGHT, NEWEST_STAMP_NS, POINTS, SERVER_US, WIDTH, columns_from_wire,
     columns_to_wire,
 };
 pub use ending::{Deadline, Ending};
+pub use frame_head::{FrameHead, settle_name};
 pub use ingest::{FrameSummary, IncomingFrame, ack_to_wire, frame_to_wire, labelled_frame_to_wire};
 pub use language::{
     FindRequest, classify_question_to_wire, classify_reply_to_wire, encoders_to_wire,
@@ -32,9 +36,15 @@ pub use maps::{
     map_detail_to_wire, map_list_from_wire, map_list_to_wire, map_reset_to_wire,
     map_stats_from_wire, map_stats_to_wire,
 };
+pub use planner::{
+    grid_question_to_wire, grid_reply_from_wire, grid_reply_to_wire, nearest_question_to_wire,
+    nearest_reply_to_wire, rays_question_to_wire, rays_reply_to_wire, slice_question_to_wire,
+    slice_reply_to_wire, spheres_question_to_wire, spheres_reply_to_wire,
+    trajectories_question_to_wire, trajectories_reply_to_wire,
+};
 pub use query::{
-    points_question_to_wire, points_reply_to_wire, stream_question_to_wire, stream_reply_from_wire,
-    stream_reply_to_wire,
+    points_question_to_wire, points_reply_to_wire, refusal_from_wire, refusal_to_wire,
+    stream_question_to_wire, stream_reply_from_wire, stream_reply_to_wire,
 };
 pub use render::{
     image_question_to_wire, image_reply_from_wire, image_reply_to_wire,
@@ -42,6 +52,7 @@ pub use render::{
     stream_image_reply_to_wire,
 };
 pub use status::{Codes, error_from_http, error_from_status, status_from_error};
+pub use watch::{region_change_to_wire, region_question_to_wire, watched_trajectories_to_wire};
 
 /// The largest message that is read or written, bytes. A raw 720p depth and color pair takes 4.6 MB,
 /// a million points with every column 33 MB.

@@ -39,19 +39,10 @@ impl TryFrom<v1::QueryPointsRequest> for PointsQuestion {
 
 /// The message of a question.
 pub fn points_question_to_wire(question: &PointsQuestion) -> v1::QueryPointsRequest {
-    let fields = question.fields;
-    let named = [
-        (fields.distance, v1::PointField::Distance),
-        (fields.gradient, v1::PointField::Gradient),
-        (fields.occupancy, v1::PointField::Occupancy),
-        (fields.state, v1::PointField::State),
-        (fields.color, v1::PointField::Color),
-        (fields.text_score, v1::PointField::TextScore),
-    ];
     v1::QueryPointsRequest {
         map_id: question.map_id.clone(),
         points_m: flat(&question.points),
-        fields: named.iter().filter(|(asked, _)| *asked).map(|(_, f)| (*f).into()).collect(),
+        fields: fields_to_wire(question.fields),
         min_epoch: question.min_epoch,
         // At least 1: a limit of 0 would read as none.
         max_age_ms: question.max_age.map_or(0, |age| (age.as_millis() as u64).max(1)),
@@ -62,7 +53,7 @@ pub fn points_question_to_wire(question: &PointsQuestion) -> v1::QueryPointsRequ
     }
 }
 
-fn policy_from_wire(policy: i32) -> Result<UnknownPolicy> {
+pub(super) fn policy_from_wire(policy: i32) -> Result<UnknownPolicy> {
     match v1::UnknownPolicy::try_from(policy) {
         Ok(v1::UnknownPolicy::Report) => Ok(UnknownPolicy::Report),
         Ok(v1::UnknownPolicy::Free) => Ok(UnknownPolicy::Free),
@@ -74,7 +65,7 @@ fn policy_from_wire(policy: i32) -> Result<UnknownPolicy> {
     }
 }
 
-fn policy_to_wire(policy: UnknownPolicy) -> v1::UnknownPolicy {
+pub(super) fn policy_to_wire(policy: UnknownPolicy) -> v1::UnknownPolicy {
     match policy {
         UnknownPolicy::Report => v1::UnknownPolicy::Report,
         UnknownPolicy::Free => v1::UnknownPolicy::Free,
@@ -82,7 +73,19 @@ fn policy_to_wire(policy: UnknownPolicy) -> v1::UnknownPolicy {
     }
 }
 
-fn fields_from_wire(fields: &[i32]) -> Result<Fields> {
+pub(super) fn fields_to_wire(fields: Fields) -> Vec<i32> {
+    let named = [
+        (fields.distance, v1::PointField::Distance),
+        (fields.gradient, v1::PointField::Gradient),
+        (fields.occupancy, v1::PointField::Occupancy),
+        (fields.state, v1::PointField::State),
+        (fields.color, v1::PointField::Color),
+        (fields.text_score, v1::PointField::TextScore),
+    ];
+    named.iter().filter(|(asked, _)| *asked).map(|(_, field)| (*field).into()).collect()
+}
+
+pub(super) fn fields_from_wire(fields: &[i32]) -> Result<Fields> {
     if fields.is_empty() {
         return Ok(Fields::ALL);
     }
@@ -164,8 +167,8 @@ pub fn stream_reply_from_wire(message: v1::StreamQueryReply) -> Result<(u64, Res
     Ok((message.id, outcome))
 }
 
-/// Why a question of a stream has no answer.
-pub(super) fn refusal_to_wire(error: &Error) -> v1::QueryError {
+/// Why a question has no answer, where there is no status to say it.
+pub fn refusal_to_wire(error: &Error) -> v1::QueryError {
     v1::QueryError {
         code: i32::from(Codes::of(error.status()).grpc) as u32,
         field: error.field().unwrap_or_default().to_owned(),
@@ -173,12 +176,13 @@ pub(super) fn refusal_to_wire(error: &Error) -> v1::QueryError {
     }
 }
 
-pub(super) fn refusal_from_wire(error: v1::QueryError) -> Error {
+/// What a client's caller sees of it.
+pub fn refusal_from_wire(error: v1::QueryError) -> Error {
     let code = tonic::Code::from_i32(error.code as i32);
     error_from_status(&tonic::Status::new(code, error.message))
 }
 
-fn flat(vectors: &[Vec3]) -> Vec<f32> {
+pub(super) fn flat(vectors: &[Vec3]) -> Vec<f32> {
     bytemuck::cast_slice(vectors).to_vec()
 }
 

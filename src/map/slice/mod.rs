@@ -1,6 +1,7 @@
 //! The field on a plane: numbers for programs, and a picture for people.
 
 mod canvas;
+mod level;
 mod palette;
 mod picture;
 mod ticks;
@@ -13,6 +14,7 @@ use super::query::Fields;
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
 
+pub use level::{Costs, LevelShape};
 pub use picture::draw_slice;
 
 /// Samples along the longer side of a slice.
