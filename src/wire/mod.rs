@@ -21,8 +21,8 @@ mod watch;
 
 pub use codec::Messages;
 pub use columns::{
-    COLUMNS, EPOCH, HEIGHT, NEWEST_STAMP_NS, POINTS, SERVER_US, WIDTH, columns_from_wire,
-    columns_to_wire,
+    COLUMNS, Columns, EPOCH, HEIGHT, NEWEST_STAMP_NS, POINTS, SERVER_US, WIDTH, columns_from_wire,
+    columns_to_wire, named_columns_to_wire,
 };
 pub use ending::{Deadline, Ending};
 pub use ingest::{FrameSummary, IncomingFrame, ack_to_wire, frame_to_wire, labelled_frame_to_wire};
