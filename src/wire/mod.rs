@@ -22,8 +22,8 @@ mod watch;
 
 pub use codec::{Messages, read_message};
 pub use columns::{
-    COLUMNS, EPOCH, HEIGHT, NEWEST_STAMP_NS, POINTS, SERVER_US, WIDTH, columns_from_wire,
-    columns_to_wire,
+    COLUMNS, Columns, EPOCH, HEIGHT, NEWEST_STAMP_NS, POINTS, SERVER_US, WIDTH, columns_from_wire,
+    columns_to_wire, named_columns_to_wire,
 };
 pub use ending::{Deadline, Ending};
 pub use frame_head::{FrameHead, settle_name};

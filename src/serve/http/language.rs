@@ -354,7 +354,7 @@ async fn answer(
     let places = question.places;
     let reply = edge.service()?.find(question, call).await?;
     let bytes = reply.findings.places.points.len() * PLACE_BYTES;
-    share.grow_to(bytes)?;
+    share.grow(bytes.max(share.bytes()))?;
     write(TextAnswer::new(reply, places), bytes, share).await
 }
 
