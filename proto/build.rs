@@ -3,11 +3,12 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-const FILES: [&str; 7] = [
+const FILES: [&str; 8] = [
     "orenx/v1/geometry.proto",
     "orenx/v1/ingest.proto",
     "orenx/v1/language.proto",
     "orenx/v1/maps.proto",
+    "orenx/v1/mirror.proto",
     "orenx/v1/planner.proto",
     "orenx/v1/query.proto",
     "orenx/v1/render.proto",

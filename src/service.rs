@@ -9,6 +9,7 @@ mod grid;
 mod image;
 mod language;
 mod maps;
+mod mirror;
 mod nearest;
 mod question;
 mod rays;
@@ -49,6 +50,7 @@ pub use find::{
 pub use grid::{Grid, GridColumns, GridQuestion, GridReply, MAX_VOXELS, NumberFormat};
 pub use image::{ImageKind, ImageQuestion, ImageReply, MAX_IMAGE_BYTES, MAX_IMAGES};
 pub use maps::{MapDetail, MapReport, MapSummary};
+pub use mirror::Follower;
 pub use nearest::{NearestQuestion, NearestReply};
 use question::demand;
 pub use question::{
@@ -87,6 +89,8 @@ pub struct Service {
     words: Words,
     /// Places of watches.
     watches: Arc<Semaphore>,
+    /// Places of those who follow a map.
+    mirrors: Arc<Semaphore>,
     max_points: usize,
     max_pixels: usize,
 }
@@ -121,6 +125,7 @@ impl Service {
             times: Times::default(),
             words,
             watches: Arc::new(Semaphore::new(MAX_WATCHES)),
+            mirrors: mirror::places(),
             max_points: config.max_points,
             max_pixels: config.max_pixels,
         };

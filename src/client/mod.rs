@@ -4,6 +4,7 @@
 mod http;
 mod images;
 mod language;
+mod mirror;
 mod planner;
 mod questioner;
 mod stream;
@@ -39,6 +40,7 @@ use crate::wire::{
 pub use self::zenoh::ZenohClient;
 pub use http::HttpClient;
 pub use images::camera_json;
+pub use mirror::{Mirror, MirrorState};
 pub use planner::{RegionNews, TrajectoryNews};
 pub use questioner::Questioner;
 pub use stream::{Outgoing, Pace, StreamReport, load_ahead, send};

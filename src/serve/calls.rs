@@ -11,7 +11,7 @@ use tower_layer::Layer;
 use tower_service::Service;
 
 /// Every call of ours; the last counter is for all others.
-const CALLS: [&str; 21] = [
+const CALLS: [&str; 22] = [
     "/orenx.v1.Ingest/StreamFrames",
     "/orenx.v1.Query/QueryPoints",
     "/orenx.v1.Query/StreamQuery",
@@ -29,6 +29,7 @@ const CALLS: [&str; 21] = [
     "/orenx.v1.Planner/FindNearest",
     "/orenx.v1.Planner/WatchRegion",
     "/orenx.v1.Planner/WatchTrajectory",
+    "/orenx.v1.Mirror/Subscribe",
     "/orenx.v1.Maps/ListMaps",
     "/orenx.v1.Maps/GetMap",
     "/orenx.v1.Maps/GetMapStats",

@@ -5,6 +5,7 @@ mod deadline;
 mod grpc;
 mod http;
 mod listeners;
+mod mirror;
 mod planner;
 mod run;
 mod stream;

@@ -24,6 +24,7 @@ use crate::service::Service;
 use crate::wire::v1::ingest_server::IngestServer;
 use crate::wire::v1::language_server::LanguageServer;
 use crate::wire::v1::maps_server::MapsServer;
+use crate::wire::v1::mirror_server::MirrorServer;
 use crate::wire::v1::planner_server::PlannerServer;
 use crate::wire::v1::query_server::QueryServer;
 use crate::wire::v1::render_server::RenderServer;
@@ -92,6 +93,7 @@ pub async fn run(
         .add_service(render)
         .add_service(language)
         .add_service(planner)
+        .add_service(MirrorServer::new(edge.clone()))
         .add_service(MapsServer::new(edge))
         .serve_with_incoming_shutdown(at_once(listener), async move {
             // An error means that `run` is gone, and everything with it.
@@ -160,6 +162,7 @@ async fn set_health(health: &HealthReporter, status: ServingStatus) {
         <IngestServer<IngestService> as NamedService>::NAME,
         <LanguageServer<Edge> as NamedService>::NAME,
         <MapsServer<Edge> as NamedService>::NAME,
+        <MirrorServer<Edge> as NamedService>::NAME,
         <PlannerServer<Edge> as NamedService>::NAME,
         <QueryServer<Edge> as NamedService>::NAME,
         <RenderServer<Edge> as NamedService>::NAME,

@@ -14,6 +14,7 @@ mod image;
 mod ingest;
 mod language;
 mod maps;
+mod mirror;
 mod planner;
 mod query;
 mod render;
@@ -35,6 +36,9 @@ pub use language::{
 pub use maps::{
     map_detail_to_wire, map_list_from_wire, map_list_to_wire, map_reset_to_wire,
     map_stats_from_wire, map_stats_to_wire,
+};
+pub use mirror::{
+    Subscription, end_to_wire, head_from_wire, head_to_wire, part_to_wire, subscription_to_wire,
 };
 pub use planner::{
     grid_question_to_wire, grid_reply_from_wire, grid_reply_to_wire, nearest_question_to_wire,

@@ -6,6 +6,7 @@ pub(crate) mod images;
 pub(crate) mod language;
 mod lifecycle;
 mod maps;
+mod mirror;
 pub(crate) mod planner;
 mod questions;
 mod sensors;

@@ -1,7 +1,7 @@
 //! `orenx bench planner`: the loads of real planners, while a camera streams.
 //!
 //! The server is a process of its own, as in `orenx bench serve`, and maps a synthetic room all the time;
-//! a view of the same room answers the same loads in this process, on the same busy cores.
+//! a mirror of its map answers the same loads in this process, on the same busy cores.
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -13,11 +13,9 @@ use rayon::ThreadPool;
 
 use super::figure::{Figure, Target, Unit, percentile};
 use super::printer::Printer;
-use super::recording::Recording;
 use super::serve::load::{Robot, known_points, load};
 use super::serve::process::ServerProcess;
-use crate::client::Client;
-use crate::config::MapSettings;
+use crate::client::{Client, Mirror};
 use crate::dataset::Dataset;
 use crate::dataset::synthetic::Synthetic;
 use crate::error::Result;
@@ -28,10 +26,11 @@ use crate::map::{
     query_parallel, query_pool,
 };
 use crate::service::{
-    GridQuestion, NumberFormat, SliceQuestion, SpheresQuestion, Terms, TrajectoriesQuestion,
+    DEFAULT_MAP, GridQuestion, NumberFormat, SliceQuestion, SpheresQuestion, Terms,
+    TrajectoriesQuestion,
 };
 
-/// Spheres, trajectories, a slice and a grid while a room is mapped, over gRPC and in process
+/// Spheres, trajectories, a slice and a grid while a room is mapped, over gRPC and in a mirror
 #[derive(Debug, Args)]
 pub(super) struct PlannerBenchArgs {
     /// Questions of each kind
@@ -203,7 +202,6 @@ impl Loads {
 impl PlannerBenchArgs {
     pub(super) fn run(&self, out: &mut Printer) -> anyhow::Result<()> {
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
-        let view = self.view()?;
         runtime.block_on(async {
             let server = ServerProcess::start().await?;
             let (camera, client) =
@@ -212,29 +210,25 @@ impl PlannerBenchArgs {
             let frames = load(&room, &(0..room.len()).collect::<Vec<_>>())?;
             Robot::start(&camera, frames.clone(), RATE_HZ, Some(1)).arrive().await?;
             let places = known_points(&client, CANDIDATES * STEPS).await?;
-            let loads = Arc::new(Loads::new(&places, view.bounds()));
+            let url = server.grpc().to_owned();
+            let mirror = tokio::task::spawn_blocking(move || Mirror::open(&url, DEFAULT_MAP));
+            let mirror = Arc::new(mirror.await??);
+            let loads = Arc::new(Loads::new(&places, mirror.view().bounds()));
 
             let robot = Robot::start(&camera, frames, RATE_HZ, None);
             let remote = self.remote(&client, &loads).await?;
             let pool = query_pool(2)?;
-            let local = self.local(view, loads, pool).await?;
+            let local = self.local(&mirror, loads, pool).await?;
             robot.finish().await?;
+            tokio::task::spawn_blocking(move || drop(mirror)).await?;
             for (kind, (name, remote_ms, local_ms)) in KINDS.iter().enumerate() {
                 let grpc = format!("{name}, gRPC, while mapping");
                 out.figures(figures(&grpc, &remote[kind], *remote_ms))?;
-                let process = format!("{name}, in process on 2 threads, while mapping");
+                let process = format!("{name}, in a mirror on 2 threads, while mapping");
                 out.figures(figures(&process, &local[kind], *local_ms))?;
             }
             Ok(server.stop().await?)
         })
-    }
-
-    /// The room, mapped.
-    fn view(&self) -> anyhow::Result<Arc<MapView>> {
-        let data = Box::new(Synthetic::room(self.frames as usize).with_width(self.width));
-        let indices = (0..data.len()).collect();
-        let (mut mapper, _) = Recording { data, indices }.map(&MapSettings::default(), None)?;
-        Ok(mapper.publish_all()?)
     }
 
     /// How long each answer of a server took, ms, by kind, in turns.
@@ -255,10 +249,10 @@ impl PlannerBenchArgs {
         Ok(times)
     }
 
-    /// The same of a view, off the threads of the robot.
+    /// The same of a mirror's newest views, off the threads of the robot.
     async fn local(
         &self,
-        view: Arc<MapView>,
+        mirror: &Arc<Mirror>,
         loads: Arc<Loads>,
         pool: ThreadPool,
     ) -> anyhow::Result<Vec<Vec<f64>>> {
@@ -268,10 +262,10 @@ impl PlannerBenchArgs {
         for round in 0..=self.rounds {
             for (kind, times) in times.iter_mut().enumerate() {
                 cycle.tick().await;
-                let (view, loads, pool) = (view.clone(), loads.clone(), pool.clone());
+                let (mirror, loads, pool) = (mirror.clone(), loads.clone(), pool.clone());
                 let timed = tokio::task::spawn_blocking(move || {
                     let start = Instant::now();
-                    loads.answer(&view, kind, &pool);
+                    loads.answer(&mirror.view(), kind, &pool);
                     start.elapsed().as_secs_f64() * 1e3
                 });
                 let ms = timed.await?;
