@@ -11,6 +11,7 @@ mod figure;
 mod geometry;
 mod language;
 mod mapping;
+mod planner;
 mod printer;
 mod query;
 pub(super) mod recording;
@@ -43,6 +44,7 @@ enum Bench {
     Ask(ask::AskBenchArgs),
     Language(language::LanguageArgs),
     Serve(serve::ServeBenchArgs),
+    Planner(planner::PlannerBenchArgs),
 }
 
 impl BenchArgs {
@@ -64,6 +66,7 @@ impl Bench {
             Self::Ask(_) => "ask",
             Self::Language(_) => "language",
             Self::Serve(_) => "serve",
+            Self::Planner(_) => "planner",
         }
     }
 
@@ -77,6 +80,7 @@ impl Bench {
             Self::Ask(arguments) => arguments.run(out),
             Self::Language(arguments) => arguments.run(out),
             Self::Serve(arguments) => arguments.run(out),
+            Self::Planner(arguments) => arguments.run(out),
         }
     }
 }
@@ -159,7 +163,7 @@ mod tests {
         let text = String::from_utf8(text).expect("text");
         let names: Vec<&str> = text.lines().filter_map(|l| l.split_whitespace().next()).collect();
         let all = ["geometry", "map", "corridor", "query", "render", "ask", "language", "serve"];
-        assert_eq!(names, all);
+        assert_eq!(names, [&all[..], &["planner"]].concat());
         assert!(text.lines().all(|line| line.len() > 30), "each with what it measures: {text}");
     }
 

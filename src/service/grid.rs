@@ -84,9 +84,14 @@ impl GridQuestion {
         numbers * bytes + u64::from(state)
     }
 
-    /// The most bytes that the answer takes.
-    pub fn bytes(&self) -> u64 {
-        self.shape().map_or(0, |shape| shape.voxels() * self.voxel_bytes())
+    /// How many voxels it has, if a map could answer it.
+    pub fn voxels(&self) -> Result<u64> {
+        Ok(self.shape()?.voxels())
+    }
+
+    /// The most bytes that the answer takes, if a map could answer it.
+    pub fn bytes(&self) -> Result<u64> {
+        Ok(self.shape()?.voxels() * self.voxel_bytes())
     }
 }
 
@@ -223,7 +228,7 @@ mod tests {
     fn what_no_map_could_answer_is_refused_by_name() {
         let shape = question(Vec3::splat(2.0), 0.05).shape().expect("64 000 voxels");
         assert_eq!(shape.voxels(), 64_000);
-        assert_eq!(question(Vec3::splat(2.0), 0.05).bytes(), 320_000);
+        assert_eq!(question(Vec3::splat(2.0), 0.05).bytes().expect("good"), 320_000);
         for (max, voxel_m, field, words) in [
             (Vec3::splat(f32::NAN), 0.1, "region.max", "10000"),
             (Vec3::splat(1e30), 0.1, "region.max", "10000"),

@@ -18,6 +18,9 @@ const MAX_HEIGHTS: u32 = 256;
 /// The largest radius and inflation, m.
 const MAX_INFLATION_M: f32 = 100.0;
 
+/// A cell or a step that would be filled less than this is left out: rounding.
+const LEAST_SHARE: f32 = 1e-3;
+
 /// A plane or a band of heights. Nothing is checked before [`Service::get_slice`] sees it.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct SliceQuestion {
@@ -52,9 +55,9 @@ impl SliceQuestion {
         check_within("resolution_m", self.resolution_m, VOXELS_M[0], VOXELS_M[1])?;
         if let Some(z_max_m) = self.z_max_m {
             check_within("z_max_m", z_max_m, self.z_m, far)?;
-            let heights = ((z_max_m - self.z_m) / self.resolution_m).ceil() + 1.0;
-            if heights > MAX_HEIGHTS as f32 {
-                let problem = format!("{heights} heights; the limit is {MAX_HEIGHTS}");
+            let steps = self.steps(z_max_m);
+            if steps >= MAX_HEIGHTS as f32 {
+                let problem = format!("{} heights; the limit is {MAX_HEIGHTS}", steps + 1.0);
                 return Err(Error::invalid("z_max_m", problem));
             }
         }
@@ -71,8 +74,6 @@ impl SliceQuestion {
         if region.is_empty() {
             return Err(Error::FailedPrecondition("the map is empty, and no region given".into()));
         }
-        /// A cell that would be filled less than this is left out: rounding.
-        const LEAST_SHARE: f32 = 1e-3;
         let cells = (region.size().truncate() / self.resolution_m - LEAST_SHARE).ceil();
         let cells = cells.max(Vec2::ONE).as_uvec2();
         let heights = self.heights();
@@ -84,10 +85,15 @@ impl SliceQuestion {
         Ok(LevelShape { origin, resolution_m, width: cells.x, height: cells.y, heights })
     }
 
+    /// Of at most a cell each from one end of a band to the other.
+    fn steps(&self, z_max_m: f32) -> f32 {
+        ((z_max_m - self.z_m) / self.resolution_m - LEAST_SHARE).ceil().max(1.0)
+    }
+
     /// Both ends and what is between, at most a cell apart.
     fn heights(&self) -> Vec<f32> {
         let Some(z_max_m) = self.z_max_m.filter(|z| *z > self.z_m) else { return vec![self.z_m] };
-        let steps = ((z_max_m - self.z_m) / self.resolution_m).ceil().max(1.0);
+        let steps = self.steps(z_max_m);
         let height = |i| self.z_m + (z_max_m - self.z_m) * i as f32 / steps;
         (0..=steps as u32).map(height).collect()
     }

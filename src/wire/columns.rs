@@ -32,18 +32,30 @@ pub fn columns_to_wire(
     fields: Fields,
     points: usize,
 ) -> (String, Vec<Bytes>) {
-    let mut columns = Columns { points, header: String::new(), parts: Vec::new(), offset: 0 };
-    columns.push("distance_m", fields.distance, 1, answers.distance);
-    columns.push("gradient", fields.gradient, 3, answers.gradient);
-    columns.push("occupancy", fields.occupancy, 1, answers.occupancy);
-    // The last one, so that the numbers before it lie on whole words.
-    columns.push("color", fields.color, 3, answers.color);
-    columns.push("text_score", fields.text_score, 1, answers.text_score);
-    columns.push("state", fields.state, 1, answers.state);
-    (columns.header, columns.parts)
+    named_columns_to_wire("distance_m", answers, fields, points)
 }
 
-struct Columns {
+/// [`columns_to_wire`] with another name for the distances.
+pub fn named_columns_to_wire(
+    distance: &str,
+    answers: PointAnswers,
+    fields: Fields,
+    points: usize,
+) -> (String, Vec<Bytes>) {
+    let mut columns = Columns::new(points);
+    columns.push(distance, fields.distance, 1, answers.distance);
+    columns.push("gradient", fields.gradient, 3, answers.gradient);
+    columns.push("occupancy", fields.occupancy, 1, answers.occupancy);
+    columns.push("color", fields.color, 3, answers.color);
+    columns.push("text_score", fields.text_score, 1, answers.text_score);
+    // The last one, so that the numbers before it lie on whole words.
+    columns.push("state", fields.state, 1, answers.state);
+    columns.finish()
+}
+
+/// Columns of one length, as they are put together.
+#[derive(Debug)]
+pub struct Columns {
     points: usize,
     header: String,
     parts: Vec<Bytes>,
@@ -51,22 +63,42 @@ struct Columns {
 }
 
 impl Columns {
-    fn push<T: bytemuck::NoUninit + Send>(
+    /// Columns of `points` rows.
+    pub fn new(points: usize) -> Self {
+        Self { points, header: String::new(), parts: Vec::new(), offset: 0 }
+    }
+
+    /// The header and the parts of the body.
+    pub fn finish(self) -> (String, Vec<Bytes>) {
+        (self.header, self.parts)
+    }
+
+    /// Adds a column, if it was asked for and is there: f32, or bytes.
+    pub fn push<T: bytemuck::NoUninit + Send>(
         &mut self,
         name: &str,
         is_asked: bool,
         width: usize,
         values: Vec<T>,
     ) {
-        if !is_asked || values.len() != self.points {
-            return;
+        if is_asked && values.len() == self.points {
+            let kind = if size_of::<T>() == 1 { "u8" } else { "f32" };
+            self.push_part(name, kind, width, Bytes::from_owner(AsBytes(values)));
         }
-        let kind = if size_of::<T>() == 1 { "u8" } else { "f32" };
+    }
+
+    /// Adds a column of numbers that are bytes already; none if there are none.
+    pub fn push_bytes(&mut self, name: &str, kind: &str, width: usize, values: Vec<u8>) {
+        if !values.is_empty() {
+            self.push_part(name, kind, width, Bytes::from(values));
+        }
+    }
+
+    fn push_part(&mut self, name: &str, kind: &str, width: usize, part: Bytes) {
         let comma = if self.header.is_empty() { "" } else { ", " };
         // Writing to a string cannot fail.
         let _ =
             write!(self.header, "{comma}{name};type={kind};width={width};offset={}", self.offset);
-        let part = Bytes::from_owner(AsBytes(values));
         self.offset += part.len();
         self.parts.push(part);
     }

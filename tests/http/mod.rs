@@ -4,6 +4,7 @@ mod contract;
 mod images;
 mod life;
 mod numbers;
+mod planner;
 mod refusals;
 
 use serde_json::Value;

@@ -6,6 +6,7 @@ pub(crate) mod images;
 pub(crate) mod language;
 mod lifecycle;
 mod maps;
+pub(crate) mod planner;
 mod questions;
 mod sensors;
 mod streams;

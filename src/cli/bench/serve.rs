@@ -5,8 +5,8 @@
 //! loopback ports, so that a planner's side is measured with it. It is one machine: the robot and
 //! the planners take their share of the same cores.
 
-mod load;
-mod process;
+pub(super) mod load;
+pub(super) mod process;
 
 use std::num::NonZeroUsize;
 use std::sync::Arc;

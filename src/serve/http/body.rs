@@ -58,8 +58,13 @@ pub(super) struct Share {
 }
 
 impl Share {
-    fn new(memory: &Arc<Semaphore>) -> Self {
+    pub(super) fn new(memory: &Arc<Semaphore>) -> Self {
         Self { memory: memory.clone(), held: None, bytes: 0 }
+    }
+
+    /// What it holds.
+    pub(super) fn bytes(&self) -> usize {
+        self.bytes
     }
 
     /// Makes room for `bytes` in all, or refuses: whoever waited would hold what others wait for.

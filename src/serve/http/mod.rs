@@ -14,12 +14,16 @@ mod metrics;
 mod openapi;
 mod options;
 mod parse;
+mod planner;
 mod points;
 mod probes;
 mod refusal;
 mod requests;
 mod schemas;
+mod slices;
+mod spheres;
 mod stall;
+mod voxels;
 
 use std::sync::{Arc, OnceLock};
 
@@ -96,6 +100,13 @@ impl Edge {
         Ok(self.service.get().ok_or_else(loading)?)
     }
 
+    /// Memory for an answer to a request without a body.
+    fn share(&self, bytes: usize) -> Result<body::Share, Refusal> {
+        let mut share = body::Share::new(&self.memory);
+        share.grow(bytes)?;
+        Ok(share)
+    }
+
     /// Refuses if the server should get no new work.
     fn ready(&self) -> Result<(), Refusal> {
         match self.stopping.get() {
@@ -106,7 +117,7 @@ impl Edge {
 }
 
 /// Every path, for the counters and for the tests of the document.
-const ROUTES: [&str; 16] = [
+const ROUTES: [&str; 24] = [
     "/",
     "/healthz",
     "/livez",
@@ -123,11 +134,32 @@ const ROUTES: [&str; 16] = [
     "/v1/maps/{map}/query/embedding",
     "/v1/maps/{map}/classify",
     "/v1/maps/{map}/encoders",
+    "/v1/maps/{map}/query/spheres",
+    "/v1/maps/{map}/query/trajectories",
+    "/v1/maps/{map}/query/rays",
+    "/v1/maps/{map}/query/nearest",
+    "/v1/maps/{map}/grid",
+    "/v1/maps/{map}/slice.png",
+    "/v1/maps/{map}/slice.json",
+    "/v1/maps/{map}/slice.bin",
 ];
 
 fn router(edge: Arc<Edge>) -> Router {
     let [root, healthz, livez, readyz, metrics, openapi, rest @ ..] = ROUTES;
-    let [maps, map, stats, reset, points, render, text, embedding, classify, encoders] = rest;
+    let [
+        maps,
+        map,
+        stats,
+        reset,
+        points,
+        render,
+        text,
+        embedding,
+        classify,
+        encoders,
+        planners @ ..,
+    ] = rest;
+    let [clear, trajectories, rays, nearest, grid, png, numbers, bin] = planners;
     Router::new()
         .route(root, get(probes::about))
         .route(healthz, get(probes::healthy))
@@ -145,6 +177,14 @@ fn router(edge: Arc<Edge>) -> Router {
         .route(embedding, post(language::embedding))
         .route(classify, post(language::classify))
         .route(encoders, get(language::encoders))
+        .route(clear, post(spheres::spheres))
+        .route(trajectories, post(planner::trajectories))
+        .route(rays, post(planner::rays))
+        .route(nearest, post(planner::nearest))
+        .route(grid, post(voxels::grid))
+        .route(png, get(slices::png))
+        .route(numbers, get(slices::json))
+        .route(bin, get(slices::bin))
         .fallback(|uri: Uri| async move { Refusal::no_route(uri.path()) })
         .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
             Refusal::wrong_method(method, uri.path())

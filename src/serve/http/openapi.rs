@@ -8,7 +8,7 @@ use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
 use utoipa::{IntoParams, IntoResponses, OpenApi, ToSchema};
 
 use super::limits::Limits;
-use super::{images, language, maps, points, probes, refusal};
+use super::{images, language, maps, planner, points, probes, refusal, slices, spheres, voxels};
 
 #[derive(OpenApi)]
 #[openapi(
@@ -22,13 +22,15 @@ use super::{images, language, maps, points, probes, refusal};
         probes::about, probes::healthy, probes::alive, probes::ready, probes::metrics,
         probes::openapi, maps::list, maps::detail, maps::stats, maps::reset, points::query,
         images::render, language::text, language::embedding, language::classify,
-        language::encoders
+        language::encoders, spheres::spheres, planner::trajectories, planner::rays,
+        planner::nearest, voxels::grid, slices::png, slices::json, slices::bin
     ),
     components(schemas(refusal::ErrorReply)),
     tags(
         (name = "server", description = "Who is there, and is it well?"),
         (name = "maps", description = "Which maps there are and how they are."),
         (name = "query", description = "Questions about places."),
+        (name = "planner", description = "Questions that planners ask."),
         (name = "render", description = "Images from places."),
         (name = "language", description = "Questions in words, or in an encoder's numbers.")
     )
@@ -53,18 +55,15 @@ pub(super) fn document(limits: &Limits) -> Bytes {
             schema["oneOf"] = words_or_embeddings(words, embeddings);
         }
     }
+    let planners = ["SpheresRequest", "TrajectoriesRequest", "GridRequest"];
+    for name in planners {
+        if let Some(request) = document.pointer_mut(&format!("/components/schemas/{name}")) {
+            request["allOf"] = json!([distance_needs_policy()]);
+        }
+    }
     if let Some(request) = document.pointer_mut("/components/schemas/PointsRequest") {
         // A distance for unknown points needs a policy that uses it, and a text score a text.
-        request["allOf"] = json!([{
-            "if": {
-                "required": ["unknown_distance_m"],
-                "properties": { "unknown_distance_m": { "type": "number" } }
-            },
-            "then": {
-                "required": ["unknown_policy"],
-                "properties": { "unknown_policy": { "enum": ["free", "occupied"] } }
-            }
-        }, {
+        request["allOf"] = json!([distance_needs_policy(), {
             "if": {
                 "required": ["fields"],
                 "properties": { "fields": { "type": "array", "contains": { "const": "text_score" } } }
@@ -73,6 +72,20 @@ pub(super) fn document(limits: &Limits) -> Bytes {
         }]);
     }
     Bytes::from(document.to_string())
+}
+
+/// A distance for unknown points needs a policy that uses it.
+fn distance_needs_policy() -> Value {
+    json!({
+        "if": {
+            "required": ["unknown_distance_m"],
+            "properties": { "unknown_distance_m": { "type": "number" } }
+        },
+        "then": {
+            "required": ["unknown_policy"],
+            "properties": { "unknown_policy": { "enum": ["free", "occupied"] } }
+        }
+    })
 }
 
 /// Words, of which the first list is needed, or an encoder and its embeddings, never both.

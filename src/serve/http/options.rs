@@ -11,7 +11,7 @@ use super::refusal::Refusal;
 use crate::error::Error;
 use crate::map::Fields;
 use crate::service::{
-    PointsQuestion, Sought, Unknown, UnknownPolicy, check_frame_id, check_unknown_distance,
+    PointsQuestion, Sought, Terms, Unknown, UnknownPolicy, check_frame_id, check_unknown_distance,
 };
 
 /// A column.
@@ -63,7 +63,7 @@ const FIELDS: [(&str, Field); 6] = [
     ("color", Field::Color),
     ("text_score", Field::TextScore),
 ];
-const POLICIES: [(&str, Policy); 3] =
+pub(super) const POLICIES: [(&str, Policy); 3] =
     [("report", Policy::Report), ("free", Policy::Free), ("occupied", Policy::Occupied)];
 
 impl Options {
@@ -133,8 +133,48 @@ impl Options {
         }
     }
 
+    /// What planners' questions have in common.
+    pub(super) fn terms(&self, map_id: String) -> Terms {
+        Terms {
+            map_id,
+            frame_id: self.frame_id.clone().unwrap_or_default(),
+            min_epoch: self.min_epoch.unwrap_or_default(),
+            max_age: self.max_age_ms.filter(|ms| *ms > 0).map(Duration::from_millis),
+            unknown: self.unknown(),
+        }
+    }
+
+    /// The fields of a planner's question; without any, the usual ones.
+    pub(super) fn fields_or(&self, usual: Fields) -> Fields {
+        let fields = self.fields.as_deref().unwrap_or_default();
+        if fields.is_empty() {
+            return usual;
+        }
+        let has = |field| fields.contains(&field);
+        Fields {
+            distance: has(Field::Distance),
+            gradient: has(Field::Gradient),
+            occupancy: has(Field::Occupancy),
+            state: has(Field::State),
+            color: has(Field::Color),
+            text_score: has(Field::TextScore),
+        }
+    }
+
+    fn unknown(&self) -> Unknown {
+        Unknown {
+            policy: match self.unknown_policy {
+                None | Some(Policy::Report) => UnknownPolicy::Report,
+                Some(Policy::Free) => UnknownPolicy::Free,
+                Some(Policy::Occupied) => UnknownPolicy::Occupied,
+            },
+            distance_m: self.unknown_distance_m,
+        }
+    }
+
     /// The question that they make of points.
     pub(super) fn question(self, map_id: String, points: Vec<Vec3>) -> PointsQuestion {
+        let unknown = self.unknown();
         let fields = self.fields.unwrap_or_default();
         let has = |field| fields.is_empty() || fields.contains(&field);
         PointsQuestion {
@@ -152,14 +192,7 @@ impl Options {
             text: self.text,
             min_epoch: self.min_epoch.unwrap_or_default(),
             max_age: self.max_age_ms.filter(|ms| *ms > 0).map(Duration::from_millis),
-            unknown: Unknown {
-                policy: match self.unknown_policy {
-                    None | Some(Policy::Report) => UnknownPolicy::Report,
-                    Some(Policy::Free) => UnknownPolicy::Free,
-                    Some(Policy::Occupied) => UnknownPolicy::Occupied,
-                },
-                distance_m: self.unknown_distance_m,
-            },
+            unknown,
         }
     }
 }
@@ -175,7 +208,7 @@ pub(super) fn check_integer(key: &str, number: Option<u64>) -> Result<(), Refusa
     }
 }
 
-fn decoded(text: &str) -> Result<String, Refusal> {
+pub(super) fn decoded(text: &str) -> Result<String, Refusal> {
     let spaced = text.replace('+', " ");
     let decoded = percent_decode_str(&spaced).decode_utf8();
     Ok(decoded.map_err(|_| Error::invalid("query string", "is not UTF-8"))?.into_owned())
@@ -186,12 +219,12 @@ fn words(text: &str) -> Result<Vec<String>, Refusal> {
     text.split(',').filter(|word| !word.is_empty()).map(decoded).collect()
 }
 
-fn list(text: &str) -> Result<Vec<Field>, Refusal> {
+pub(super) fn list(text: &str) -> Result<Vec<Field>, Refusal> {
     let names = text.split(',').filter(|name| !name.is_empty()).enumerate();
     names.map(|(at, name)| one_of(&format!("fields[{at}]"), name, &FIELDS)).collect()
 }
 
-fn one_of<T: Copy>(key: &str, text: &str, all: &[(&str, T)]) -> Result<T, Refusal> {
+pub(super) fn one_of<T: Copy>(key: &str, text: &str, all: &[(&str, T)]) -> Result<T, Refusal> {
     let found = all.iter().find(|(name, _)| *name == text).map(|(_, value)| *value);
     found.ok_or_else(|| {
         let names: Vec<&str> = all.iter().map(|(name, _)| *name).collect();
@@ -200,7 +233,7 @@ fn one_of<T: Copy>(key: &str, text: &str, all: &[(&str, T)]) -> Result<T, Refusa
     })
 }
 
-fn number<T: std::str::FromStr>(key: &str, text: &str) -> Result<T, Refusal>
+pub(super) fn number<T: std::str::FromStr>(key: &str, text: &str) -> Result<T, Refusal>
 where
     T::Err: std::fmt::Display,
 {

@@ -1,6 +1,7 @@
 //! Questions about points, in JSON or raw, and their answers, in JSON or raw.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::body::Body;
 use axum::extract::{Request, State};
@@ -190,7 +191,17 @@ fn write_json(reply: PointsReply, fields: Fields, points: usize) -> Result<Vec<u
 }
 
 fn write_raw(reply: PointsReply, fields: Fields, points: usize, share: Share) -> Response {
-    let (columns, parts) = columns_to_wire(reply.answers, fields, points);
+    let columns = columns_to_wire(reply.answers, fields, points);
+    raw(columns, points, (reply.epoch, reply.newest_stamp_ns, reply.spent), share)
+}
+
+/// Columns of `points` rows as they are, of an epoch and its newest stamp, after so much time.
+pub(super) fn raw(
+    (columns, parts): (String, Vec<Bytes>),
+    points: usize,
+    (epoch, newest_stamp_ns, spent): (u64, i64, Duration),
+    share: Share,
+) -> Response {
     let mut response = Response::new(Body::new(Parts::new(parts, share)));
     let headers = response.headers_mut();
     let name = HeaderName::from_static;
@@ -200,9 +211,9 @@ fn write_raw(reply: PointsReply, fields: Fields, points: usize, share: Share) ->
         headers.insert(name(COLUMNS), columns);
     }
     headers.insert(name(POINTS), HeaderValue::from(points));
-    headers.insert(name(EPOCH), HeaderValue::from(reply.epoch));
-    headers.insert(name(NEWEST_STAMP_NS), HeaderValue::from(reply.newest_stamp_ns));
-    headers.insert(name(SERVER_US), HeaderValue::from(reply.spent.as_micros() as u64));
+    headers.insert(name(EPOCH), HeaderValue::from(epoch));
+    headers.insert(name(NEWEST_STAMP_NS), HeaderValue::from(newest_stamp_ns));
+    headers.insert(name(SERVER_US), HeaderValue::from(spent.as_micros() as u64));
     response
 }
 

@@ -212,3 +212,55 @@ pub(super) fn unknown_distance() -> Schema {
     let number = number(&[Type::Null]).minimum(Some(least)).maximum(Some(MAX_COORDINATE_M));
     number.description(Some(text)).into()
 }
+
+// Planners' questions.
+
+fn within(low: f64, high: f64) -> ObjectBuilder {
+    number(&[]).minimum(Some(low)).maximum(Some(high))
+}
+
+fn of_length(of: ObjectBuilder, length: usize) -> ArrayBuilder {
+    list(of).min_items(Some(length)).max_items(Some(length))
+}
+
+pub(super) fn spheres() -> Schema {
+    let text = "[x, y, z, r] of each sphere, m; r not below 0.";
+    let bound = f64::from(f32::MAX);
+    list(of_length(within(-bound, bound), 4)).description(Some(text)).into()
+}
+
+pub(super) fn trajectories() -> Schema {
+    let text = "The poses of each trajectory, at least one: world_from_body as [x, y, z] in metres, then \
+                the unit quaternion [x, y, z, w].";
+    let pose = of_length(within(-MAX_COORDINATE_M, MAX_COORDINATE_M), 7);
+    list(list(pose).min_items(Some(1))).description(Some(text)).into()
+}
+
+pub(super) fn vectors_or_null() -> Schema {
+    list(three(number(&[Type::Null]))).into()
+}
+
+pub(super) fn numbers_or_null() -> Schema {
+    list(number(&[Type::Null])).into()
+}
+
+pub(super) fn margin() -> Schema {
+    let text = "A clearance below this is a hit, m; 0 by default.";
+    let margin = number(&[Type::Null]).minimum(Some(-100.0)).maximum(Some(100.0));
+    margin.description(Some(text)).into()
+}
+
+pub(super) fn max_range() -> Schema {
+    let text = "Where rays end, m. A ray counts as one point each 0.1 m.";
+    within(1e-6, 1000.0).description(Some(text)).into()
+}
+
+pub(super) fn max_unknown() -> Schema {
+    let text = "How far to look for space that nobody has seen, m. Left out or 0: not at all.";
+    let far = number(&[Type::Null]).minimum(Some(0.0)).maximum(Some(2.0));
+    far.description(Some(text)).into()
+}
+
+pub(super) fn voxel() -> Schema {
+    within(0.001, 100.0).description(Some("Edge of a voxel, m.")).into()
+}

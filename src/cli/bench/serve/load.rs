@@ -20,19 +20,19 @@ use crate::map::Fields;
 use crate::service::DEFAULT_MAP;
 
 /// The frames of a recording, in memory: a camera has no files to decode, and the cores are few.
-pub(super) fn load(data: &dyn Dataset, indices: &[usize]) -> Result<Arc<[Frame]>> {
+pub(in crate::cli::bench) fn load(data: &dyn Dataset, indices: &[usize]) -> Result<Arc<[Frame]>> {
     indices.iter().map(|&index| data.load(index, true)).collect()
 }
 
 /// Frames that are sent in a loop, at a camera's pace, until it is told to finish.
-pub(super) struct Robot {
+pub(in crate::cli::bench) struct Robot {
     stop: Arc<AtomicBool>,
     sending: JoinHandle<Result<StreamReport>>,
 }
 
 impl Robot {
     /// `laps`: how often it goes round; `None` until [`Self::finish`].
-    pub(super) fn start(
+    pub(in crate::cli::bench) fn start(
         client: &Client,
         frames: Arc<[Frame]>,
         rate_hz: f64,
@@ -67,13 +67,13 @@ impl Robot {
     }
 
     /// Stops it and lets the frames under way arrive.
-    pub(super) async fn finish(self) -> Result<StreamReport> {
+    pub(in crate::cli::bench) async fn finish(self) -> Result<StreamReport> {
         self.stop.store(true, Relaxed);
         self.arrive().await
     }
 
     /// Waits for its last lap.
-    pub(super) async fn arrive(self) -> Result<StreamReport> {
+    pub(in crate::cli::bench) async fn arrive(self) -> Result<StreamReport> {
         self.sending.await.map_err(|e| Error::Internal(format!("the robot failed: {e}")))?
     }
 }
@@ -84,7 +84,10 @@ fn now_ns() -> i64 {
 }
 
 /// `count` places all over the map that it knows, in no order: unknown ones would be cheaper.
-pub(super) async fn known_points(client: &Client, count: usize) -> Result<Vec<Vec3>> {
+pub(in crate::cli::bench) async fn known_points(
+    client: &Client,
+    count: usize,
+) -> Result<Vec<Vec3>> {
     let maps = client.list_maps().await?;
     let bounds = maps.first().map(|map| map.bounds).filter(|bounds| !bounds.is_empty());
     let bounds = bounds.ok_or_else(|| Error::FailedPrecondition("the map is empty".into()))?;
@@ -108,7 +111,7 @@ pub(super) async fn known_points(client: &Client, count: usize) -> Result<Vec<Ve
 }
 
 /// Frames that were lost, and how soon the others could be asked about.
-pub(super) fn frame_figures(case: &str, report: &StreamReport) -> [Figure; 3] {
+pub(in crate::cli::bench) fn frame_figures(case: &str, report: &StreamReport) -> [Figure; 3] {
     let ms: Vec<f64> = report.visible_after_us.iter().map(|us| *us as f64 * 1e-3).collect();
     let at = |share| percentile(&ms, share);
     let p95 = Figure::new(case, "visible_p95", at(0.95), Unit::Milliseconds);
@@ -120,7 +123,7 @@ pub(super) fn frame_figures(case: &str, report: &StreamReport) -> [Figure; 3] {
 }
 
 /// Frames that did not become part of the map.
-pub(super) fn dropped(case: &str, report: &StreamReport) -> Figure {
+pub(in crate::cli::bench) fn dropped(case: &str, report: &StreamReport) -> Figure {
     let lost = report.settled - report.integrated;
     Figure::new(case, format!("frames_lost_of_{}", report.settled), lost as f64, Unit::Count)
 }

@@ -8,7 +8,7 @@ use tokio::process::{Child, ChildStdout, Command};
 use crate::error::{Error, Result};
 
 /// A running `orenx serve`, in memory; killed when dropped.
-pub(super) struct ServerProcess {
+pub(in crate::cli::bench) struct ServerProcess {
     child: Child,
     /// Kept, so that the server has somewhere to write.
     lines: Lines<BufReader<ChildStdout>>,
@@ -18,7 +18,7 @@ pub(super) struct ServerProcess {
 
 impl ServerProcess {
     /// Starts it and waits until it says where it serves.
-    pub(super) async fn start() -> Result<Self> {
+    pub(in crate::cli::bench) async fn start() -> Result<Self> {
         let failed = |problem: String| Error::Internal(format!("the server to measure: {problem}"));
         let program = std::env::current_exe().map_err(|e| failed(e.to_string()))?;
         let settings = ["server.grpc=127.0.0.1:0", "server.http=127.0.0.1:0", "storage.path="];
@@ -47,16 +47,16 @@ impl ServerProcess {
         Ok(Self { child, lines, grpc, http })
     }
 
-    pub(super) fn grpc(&self) -> &str {
+    pub(in crate::cli::bench) fn grpc(&self) -> &str {
         &self.grpc
     }
 
-    pub(super) fn http(&self) -> &str {
+    pub(in crate::cli::bench) fn http(&self) -> &str {
         &self.http
     }
 
     /// Ends it. It keeps nothing, so there is nothing to wait for but its end.
-    pub(super) async fn stop(self) -> Result<()> {
+    pub(in crate::cli::bench) async fn stop(self) -> Result<()> {
         let Self { mut child, lines, .. } = self;
         drop(lines);
         child.kill().await.map_err(|e| Error::Internal(format!("the server to measure: {e}")))
