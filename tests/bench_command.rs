@@ -1,4 +1,4 @@
-//! `orenx bench serve` against a server of its own. What it measures is not judged here.
+//! `orenx bench serve` and `planner` against servers of their own. What they measure is not judged here.
 
 use std::process::Command;
 
@@ -26,4 +26,21 @@ fn a_small_load_is_measured_on_every_path() {
     assert!(speed["value"].as_f64().unwrap() > 0.0, "{speed}");
     assert_eq!(of("visible_p95").len(), 1);
     assert!(text.contains("frames_lost_of_"), "{text}");
+}
+
+#[test]
+fn the_loads_of_planners_are_timed_over_grpc_and_in_process() {
+    let arguments = "bench planner --json --rounds 2 --cycle-ms 1 --frames 30 --width 64";
+    let output = Command::new(env!("CARGO_BIN_EXE_orenx"))
+        .args(arguments.split_whitespace())
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = String::from_utf8(output.stdout).unwrap();
+    let figures: Vec<serde_json::Value> =
+        text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let medians = figures.iter().filter(|f| f["measure"] == "median");
+    let judged = medians.clone().filter(|f| f["target"].is_number()).count();
+    assert_eq!((medians.count(), judged), (8, 6), "{text}");
+    assert!(figures.iter().all(|f| f["value"].as_f64().unwrap() > 0.0), "{text}");
 }

@@ -72,7 +72,9 @@ pub fn nearest_surfaces(query: &impl PointQuery, points: &[Vec3]) -> NearestAnsw
         let place = if off < ON_SURFACE_M { place } else { Vec3::NAN };
         let side = if *state == State::Occupied as u8 { -1.0 } else { 1.0 };
         answers.surface.push(place);
-        answers.distance_m.push(side * point.distance(place));
+        // One NaN for all, whatever it is computed from.
+        let distance_m = if place.is_nan() { f32::NAN } else { side * point.distance(place) };
+        answers.distance_m.push(distance_m);
     }
     answers
 }

@@ -156,8 +156,8 @@ fn follow<W: Watch>(mut watch: W, mut ending: Ending) -> Answers<W::News> {
         };
         drop(watch);
         if let Some(status) = end {
-            // Who does not read it is gone.
-            let _ = news.send(Err(status)).await;
+            // There is no room if the last news are not read yet: then the stream ends behind them.
+            let _ = news.try_send(Err(status));
         }
     });
     Box::pin(ReceiverStream::new(replies))

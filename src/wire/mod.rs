@@ -19,7 +19,6 @@ mod planner;
 mod query;
 mod render;
 mod status;
-mod watch;
 
 pub use codec::{Messages, read_message};
 pub use columns::{
@@ -42,9 +41,10 @@ pub use mirror::{
 };
 pub use planner::{
     grid_question_to_wire, grid_reply_from_wire, grid_reply_to_wire, nearest_question_to_wire,
-    nearest_reply_to_wire, rays_question_to_wire, rays_reply_to_wire, slice_question_to_wire,
-    slice_reply_to_wire, spheres_question_to_wire, spheres_reply_to_wire,
-    trajectories_question_to_wire, trajectories_reply_to_wire,
+    nearest_reply_to_wire, rays_question_to_wire, rays_reply_to_wire, region_change_to_wire,
+    region_question_to_wire, slice_question_to_wire, slice_reply_to_wire, spheres_question_to_wire,
+    spheres_reply_to_wire, trajectories_question_to_wire, trajectories_reply_to_wire,
+    watched_trajectories_to_wire,
 };
 pub use query::{
     points_question_to_wire, points_reply_to_wire, refusal_from_wire, refusal_to_wire,
@@ -56,7 +56,6 @@ pub use render::{
     stream_image_reply_to_wire,
 };
 pub use status::{Codes, error_from_http, error_from_status, status_from_error};
-pub use watch::{region_change_to_wire, region_question_to_wire, watched_trajectories_to_wire};
 
 /// The largest message that is read or written, bytes. A raw 720p depth and color pair takes 4.6 MB,
 /// a million points with every column 33 MB.

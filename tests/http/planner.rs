@@ -10,6 +10,7 @@ use orenx::service::{
 use serde_json::{Value, json};
 
 use super::{RAW, Reply, exchange, get, post_json, request};
+use crate::server::Running;
 use crate::server::planner::planned;
 
 fn bits(column: &Value) -> Vec<u32> {
@@ -36,23 +37,41 @@ fn raw_column(reply: &Reply, name: &str, rows: usize) -> Vec<u32> {
     bytes.map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect()
 }
 
+fn terms(min_epoch: u64) -> Terms {
+    Terms { min_epoch, ..Terms::default() }
+}
+
+/// Places all over the room.
+fn points() -> Vec<Vec3> {
+    let point = |i: u16| {
+        let t = f32::from(i);
+        Vec3::new(2.8 * (t * 0.1).sin(), 2.0 * (t * 0.37).cos(), 1.2 + (t * 0.7).sin())
+    };
+    (0..300).map(point).collect()
+}
+
+fn spheres() -> Vec<Sphere> {
+    points().iter().map(|p| Sphere { center: *p, radius_m: 0.125 }).collect()
+}
+
+const REGION: Aabb = Aabb { min: Vec3::new(-1.0, -1.0, 0.5), max: Vec3::new(1.0, 1.0, 1.0) };
+
 #[tokio::test(flavor = "multi_thread")]
 async fn both_transports_say_the_same() {
     let (server, epoch) = planned().await;
-    let at = server.http.as_str();
-    let terms = || Terms { min_epoch: epoch, ..Terms::default() };
-    let points: Vec<Vec3> = (0..300u16)
-        .map(|i| {
-            let t = f32::from(i);
-            Vec3::new(2.8 * (t * 0.1).sin(), 2.0 * (t * 0.37).cos(), 1.2 + (t * 0.7).sin())
-        })
-        .collect();
-    let spheres: Vec<Sphere> =
-        points.iter().map(|p| Sphere { center: *p, radius_m: 0.125 }).collect();
-    let numbers: Vec<[f32; 4]> = numbers_of(&spheres);
+    of_spheres(&server, epoch).await;
+    of_trajectories(&server, epoch).await;
+    of_rays_and_surfaces(&server, epoch).await;
+    of_grids(&server, epoch).await;
+    of_slices(&server, epoch).await;
+    server.stop().await.0.unwrap();
+}
 
+async fn of_spheres(server: &Running, epoch: u64) {
+    let at = server.http.as_str();
+    let (spheres, numbers) = (spheres(), numbers_of(&spheres()));
     let fields = Fields { gradient: true, state: true, ..Fields::DISTANCE };
-    let question = SpheresQuestion { terms: terms(), spheres: spheres.clone(), fields };
+    let question = SpheresQuestion { terms: terms(epoch), spheres, fields };
     let grpc = server.client.query_spheres(&question).await.unwrap();
     let http =
         post(at, "query/spheres", &json!({ "spheres_m": numbers, "min_epoch": epoch })).await;
@@ -62,10 +81,14 @@ async fn both_transports_say_the_same() {
     let path = "/v1/maps/default/query/spheres?fields=distance";
     let raw = exchange(at, request("POST", path, &[RAW], &body)).await;
     assert_eq!(raw_column(&raw, "clearance_m", 300), bits_of(&grpc.answer.distance));
+}
 
-    let poses: Vec<Waypoint> = points.iter().map(|p| Waypoint::at(*p)).collect();
+async fn of_trajectories(server: &Running, epoch: u64) {
+    let at = server.http.as_str();
+    let (spheres, numbers) = (spheres(), numbers_of(&spheres()));
+    let poses: Vec<Waypoint> = points().iter().map(|p| Waypoint::at(*p)).collect();
     let question = TrajectoriesQuestion {
-        terms: terms(),
+        terms: terms(epoch),
         body: spheres[..2].to_vec(),
         poses: poses.clone(),
         lengths: vec![100, 200],
@@ -93,26 +116,32 @@ async fn both_transports_say_the_same() {
         );
         assert_eq!(here["first_hit"]["fraction"].as_f64().map(|n| n as f32), Some(hit.fraction));
     }
+}
 
+async fn of_rays_and_surfaces(server: &Running, epoch: u64) {
+    let (at, points) = (server.http.as_str(), points());
     let directions: Vec<Vec3> = points.iter().map(|p| *p - Vec3::Z).collect();
     let origins = vec![Vec3::new(0.9, 0.4, 1.4); 300];
     let body = json!({ "origins_m": origins, "directions": directions, "max_range_m": 5.0 });
     let http = post(at, "query/rays", &body).await;
-    let question = RaysQuestion { terms: terms(), origins, directions, max_range_m: 5.0 };
+    let question = RaysQuestion { terms: terms(epoch), origins, directions, max_range_m: 5.0 };
     let grpc = server.client.cast_rays(&question).await.unwrap().answer;
     assert_eq!(bits(&http["distance_m"]), bits_of(&grpc.distance_m));
     assert_eq!(http["state"], json!(grpc.state));
 
     let body = json!({ "points_m": points, "max_unknown_m": 1.0 });
     let http = post(at, "query/nearest", &body).await;
-    let question = NearestQuestion { terms: terms(), points: points.clone(), max_unknown_m: 1.0 };
+    let question =
+        NearestQuestion { terms: terms(epoch), points: points.clone(), max_unknown_m: 1.0 };
     let grpc = server.client.find_nearest(&question).await.unwrap().answer;
     assert_eq!(bits(&http["distance_m"]), bits_of(&grpc.distance_m));
     assert_eq!(http["unknown_distance_m"].as_array().unwrap().len(), 300);
+}
 
-    let region = Aabb { min: Vec3::new(-1.0, -1.0, 0.5), max: Vec3::new(1.0, 1.0, 1.0) };
+async fn of_grids(server: &Running, epoch: u64) {
+    let (at, region) = (server.http.as_str(), REGION);
     let question = GridQuestion {
-        terms: terms(),
+        terms: terms(epoch),
         region,
         voxel_m: 0.25,
         fields: Fields { state: true, ..Fields::DISTANCE },
@@ -134,12 +163,15 @@ async fn both_transports_say_the_same() {
     let raw = exchange(at, request("POST", "/v1/maps/default/grid", &headers, &bytes)).await;
     assert_eq!(raw_column(&raw, "distance_m", 128), bits_of(&there));
     assert_eq!((raw.header("orenx-size"), raw.header("orenx-voxel-m")), ("8, 8, 2", "0.25"));
+}
 
+async fn of_slices(server: &Running, epoch: u64) {
+    let at = server.http.as_str();
     let mut question = SliceQuestion {
-        terms: terms(),
+        terms: terms(epoch),
         z_m: 0.5,
         resolution_m: 0.1,
-        region: Some(region),
+        region: Some(REGION),
         ..SliceQuestion::default()
     };
     let grpc = server.client.get_slice(&question).await.unwrap().answer;
@@ -168,7 +200,6 @@ async fn both_transports_say_the_same() {
         let refused = get(at, &path).await;
         assert_eq!((refused.status, refused.error()[1].as_str()), (400, field), "{path}");
     }
-    server.stop().await.0.unwrap();
 }
 
 fn numbers_of(spheres: &[Sphere]) -> Vec<[f32; 4]> {

@@ -21,6 +21,7 @@ mod refusal;
 mod requests;
 mod schemas;
 mod slices;
+mod spheres;
 mod stall;
 mod voxels;
 
@@ -160,7 +161,7 @@ fn router(edge: Arc<Edge>) -> Router {
         encoders,
         planners @ ..,
     ] = rest;
-    let [spheres, trajectories, rays, nearest, grid, png, numbers, bin] = planners;
+    let [clear, trajectories, rays, nearest, grid, png, numbers, bin] = planners;
     Router::new()
         .route(root, get(probes::about))
         .route(healthz, get(probes::healthy))
@@ -178,7 +179,7 @@ fn router(edge: Arc<Edge>) -> Router {
         .route(embedding, post(language::embedding))
         .route(classify, post(language::classify))
         .route(encoders, get(language::encoders))
-        .route(spheres, post(planner::spheres))
+        .route(clear, post(spheres::spheres))
         .route(trajectories, post(planner::trajectories))
         .route(rays, post(planner::rays))
         .route(nearest, post(planner::nearest))

@@ -8,7 +8,7 @@ use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
 use utoipa::{IntoParams, IntoResponses, OpenApi, ToSchema};
 
 use super::limits::Limits;
-use super::{images, language, maps, planner, points, probes, refusal, slices, voxels};
+use super::{images, language, maps, planner, points, probes, refusal, slices, spheres, voxels};
 
 #[derive(OpenApi)]
 #[openapi(
@@ -22,7 +22,7 @@ use super::{images, language, maps, planner, points, probes, refusal, slices, vo
         probes::about, probes::healthy, probes::alive, probes::ready, probes::metrics,
         probes::openapi, maps::list, maps::detail, maps::stats, maps::reset, points::query,
         images::render, language::text, language::embedding, language::classify,
-        language::encoders, planner::spheres, planner::trajectories, planner::rays,
+        language::encoders, spheres::spheres, planner::trajectories, planner::rays,
         planner::nearest, voxels::grid, slices::png, slices::json, slices::bin
     ),
     components(schemas(refusal::ErrorReply)),

@@ -1,4 +1,4 @@
-//! Planners' questions about spheres, trajectories, rays and points.
+//! Planners' questions about trajectories, rays and points.
 
 use std::sync::Arc;
 
@@ -15,45 +15,18 @@ use utoipa::ToSchema;
 use super::body::{Most, Parts, Received, Share, receive};
 use super::media::Media;
 use super::openapi::{self, PointRefusals};
-use super::options::{Field, Options, Policy};
+use super::options::{Options, Policy};
 use super::parse::{parse, whole};
 use super::points::{off_thread, raw};
 use super::refusal::Refusal;
 use super::{Edge, JSON, MapId, schemas};
 use crate::error::Error;
-use crate::map::{Fields, PathPlace, PathVerdict, Sphere, Waypoint};
-use crate::service::{
-    Answered, Call, NearestQuestion, RaysQuestion, SpheresQuestion, SpheresReply,
-    TrajectoriesQuestion, spheres_of,
-};
-use crate::wire::{Columns, named_columns_to_wire};
+use crate::map::{PathPlace, PathVerdict, Waypoint};
+use crate::service::{Answered, Call, NearestQuestion, RaysQuestion, TrajectoriesQuestion};
+use crate::wire::Columns;
 
 /// About what a row takes in a JSON answer, bytes.
 const ROW_BYTES: usize = 112;
-/// A sphere in a raw body: four f32.
-const RAW_SPHERE_BYTES: usize = 16;
-
-/// Spheres in the world. What it leaves out may stand in the query string.
-#[derive(Debug, Deserialize, ToSchema)]
-#[serde(deny_unknown_fields)]
-pub(super) struct SpheresRequest {
-    #[schema(schema_with = schemas::spheres)]
-    spheres_m: Vec<[f32; 4]>,
-    /// The columns to answer; none means distance (as `clearance_m`), gradient and state.
-    fields: Option<Vec<Field>>,
-    #[schema(schema_with = schemas::frame_id)]
-    frame_id: Option<String>,
-    #[serde(default, deserialize_with = "whole")]
-    #[schema(schema_with = schemas::min_epoch)]
-    min_epoch: Option<u64>,
-    #[serde(default, deserialize_with = "whole")]
-    #[schema(schema_with = schemas::max_age)]
-    max_age_ms: Option<u64>,
-    unknown_policy: Option<Policy>,
-    #[schema(schema_with = schemas::unknown_distance)]
-    unknown_distance_m: Option<f32>,
-}
-
 /// A robot of spheres in its body's frame, and where it would go.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -119,30 +92,6 @@ pub(super) struct NearestRequest {
     #[serde(default, deserialize_with = "whole")]
     #[schema(schema_with = schemas::max_age)]
     max_age_ms: Option<u64>,
-}
-
-/// Columns in the order of the spheres.
-#[derive(Debug, Serialize, ToSchema)]
-pub(super) struct SpheresAnswer {
-    epoch: u64,
-    newest_stamp_ns: i64,
-    server_us: u64,
-    /// Distance of the center less the radius, m; null where unknown.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(schema_with = schemas::numbers_or_null, required = false)]
-    clearance_m: Option<Vec<f32>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(schema_with = schemas::gradients, required = false)]
-    gradient: Option<Vec<Vec3>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(schema_with = schemas::occupancies, required = false)]
-    occupancy: Option<Vec<f32>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(schema_with = schemas::states, required = false)]
-    state: Option<Vec<u8>>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(schema_with = schemas::colors, required = false)]
-    color: Option<Vec<Vec3>>,
 }
 
 #[derive(Debug, Serialize, ToSchema)]
@@ -217,89 +166,6 @@ pub(super) struct NearestAnswer {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(schema_with = schemas::numbers_or_null, required = false)]
     unknown_distance_m: Option<Vec<f32>>,
-}
-
-/// How far spheres are from surfaces
-///
-/// As for points, in JSON or raw: a body of `application/octet-stream` holds x y z r of each sphere as
-/// little-endian f32, with the options in the query string.
-#[utoipa::path(post, path = "/v1/maps/{map}/query/spheres", tag = "planner",
-    params(openapi::MapPath), request_body = SpheresRequest,
-    responses((status = 200, description = "The answers.",
-        content((SpheresAnswer = "application/json"), (openapi::Raw = "application/octet-stream"))),
-        PointRefusals))]
-pub(super) async fn spheres(
-    State(edge): State<Arc<Edge>>,
-    MapId(map_id): MapId,
-    request: Request,
-) -> Result<Response, Refusal> {
-    let service = edge.service()?;
-    service.map_detail(&map_id)?;
-    let media = Media::of_body(request.headers())?;
-    let wanted = Media::of_answer(request.headers(), media)?;
-    let asked = Options::of_query(request.uri().query())?;
-    let (spheres, options, share) = match media {
-        Media::Json => read_spheres(&edge, request).await?,
-        Media::Raw => {
-            let limits = &edge.limits;
-            let most = Most::points(limits.max_points * RAW_SPHERE_BYTES, limits.max_points);
-            let received = receive::<f32>(request.into_body(), most, limits, &edge.memory).await?;
-            if !received.bytes.is_multiple_of(RAW_SPHERE_BYTES) {
-                let problem = format!("{} bytes are no whole spheres of four f32", received.bytes);
-                return Err(Error::invalid("body", problem).into());
-            }
-            (spheres_of(&received.values)?, Options::default(), received.share)
-        }
-    };
-    let options = options.or(asked);
-    let usual = Fields { gradient: true, state: true, ..Fields::DISTANCE };
-    let fields = options.fields_or(usual);
-    let question = SpheresQuestion { terms: options.terms(map_id), spheres, fields };
-    let count = question.spheres.len();
-    let reply = service.query_spheres(question, Call::HttpQuerySpheres).await?;
-    match wanted {
-        Media::Raw => {
-            let of = (reply.epoch, reply.newest_stamp_ns, reply.spent);
-            let columns = named_columns_to_wire("clearance_m", reply.answer, fields, count);
-            Ok(raw(columns, count, of, share))
-        }
-        Media::Json => written(count, share, move || spheres_answer(reply, fields, count)).await,
-    }
-}
-
-async fn read_spheres(
-    edge: &Edge,
-    request: Request,
-) -> Result<(Vec<Sphere>, Options, Share), Refusal> {
-    let (request, share): (SpheresRequest, Share) = read(edge, request).await?;
-    let options = Options {
-        frame_id: request.frame_id,
-        fields: request.fields,
-        min_epoch: request.min_epoch,
-        max_age_ms: request.max_age_ms,
-        unknown_policy: request.unknown_policy,
-        unknown_distance_m: request.unknown_distance_m,
-        text: None,
-    };
-    options.check()?;
-    Ok((bytemuck::cast_vec(request.spheres_m), options, share))
-}
-
-fn spheres_answer(reply: SpheresReply, fields: Fields, count: usize) -> SpheresAnswer {
-    fn column<T>(is_asked: bool, values: Vec<T>, count: usize) -> Option<Vec<T>> {
-        (is_asked && values.len() == count).then_some(values)
-    }
-    let answers = reply.answer;
-    SpheresAnswer {
-        epoch: reply.epoch,
-        newest_stamp_ns: reply.newest_stamp_ns,
-        server_us: reply.spent.as_micros() as u64,
-        clearance_m: column(fields.distance, answers.distance, count),
-        gradient: column(fields.gradient, answers.gradient, count),
-        occupancy: column(fields.occupancy, answers.occupancy, count),
-        state: column(fields.state, answers.state, count),
-        color: column(fields.color, answers.color, count),
-    }
 }
 
 /// Whether a robot of spheres gets along trajectories

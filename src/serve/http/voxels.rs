@@ -19,7 +19,7 @@ use super::refusal::Refusal;
 use super::{Edge, MapId, schemas};
 use crate::error::Error;
 use crate::geometry::Aabb;
-use crate::map::Fields;
+use crate::map::{Fields, GridShape};
 use crate::service::{Answered, Call, Grid, GridColumns, GridQuestion, NumberFormat};
 use crate::wire::Columns;
 
@@ -155,20 +155,8 @@ pub(super) async fn grid(
     let Answered { answer: Grid { shape, columns, .. }, epoch, newest_stamp_ns, spent } = reply;
     if is_raw {
         let columns = raw_columns(columns, voxels as usize, format);
-        let mut response = raw(columns, voxels as usize, (epoch, newest_stamp_ns, spent), share);
-        let headers = response.headers_mut();
-        let Vec3 { x, y, z } = shape.origin;
-        let UVec3 { x: i, y: j, z: k } = shape.size;
-        for (name, text) in [
-            (ORIGIN_M, format!("{x}, {y}, {z}")),
-            (VOXEL_M, shape.voxel_m.to_string()),
-            (SIZE, format!("{i}, {j}, {k}")),
-        ] {
-            if let Ok(value) = HeaderValue::from_str(&text) {
-                headers.insert(name, value);
-            }
-        }
-        return Ok(response);
+        let response = raw(columns, voxels as usize, (epoch, newest_stamp_ns, spent), share);
+        return Ok(with_shape(response, &shape));
     }
     written(voxels as usize, share, move || GridAnswer {
         epoch,
@@ -185,6 +173,22 @@ pub(super) async fn grid(
         state: (!columns.state.is_empty()).then_some(columns.state),
     })
     .await
+}
+
+/// An answer whose headers say where its voxels are.
+fn with_shape(mut response: Response, shape: &GridShape) -> Response {
+    let Vec3 { x, y, z } = shape.origin;
+    let UVec3 { x: i, y: j, z: k } = shape.size;
+    for (name, text) in [
+        (ORIGIN_M, format!("{x}, {y}, {z}")),
+        (VOXEL_M, shape.voxel_m.to_string()),
+        (SIZE, format!("{i}, {j}, {k}")),
+    ] {
+        if let Ok(value) = HeaderValue::from_str(&text) {
+            response.headers_mut().insert(name, value);
+        }
+    }
+    response
 }
 
 fn raw_columns(

@@ -20,6 +20,8 @@ use crate::wire::{Codes, MAX_MESSAGE_BYTES, refusal_to_wire};
 
 /// In the selector of a question: how long it may take.
 const TIMEOUT: &str = "timeout_ms";
+/// Memory of all questions that are worked on, KiB: four of the largest.
+const MEMORY_KIB: usize = 4 * (MAX_MESSAGE_BYTES >> 10);
 /// How long answers under way may take on the way down.
 const LAST_ANSWERS: Duration = Duration::from_secs(2);
 
@@ -35,7 +37,15 @@ struct Desk {
     bus: Bus,
     map_id: String,
     places: Arc<Semaphore>,
+    /// In KiB.
+    memory: Arc<Semaphore>,
     runtime: Handle,
+}
+
+/// What a question takes of the bounds.
+struct Room {
+    _place: OwnedSemaphorePermit,
+    _memory: OwnedSemaphorePermit,
 }
 
 impl Questions {
@@ -52,6 +62,7 @@ impl Questions {
             bus: bus.clone(),
             map_id: map_id.into(),
             places: Arc::new(Semaphore::new(bus.config().max_queries)),
+            memory: Arc::new(Semaphore::new(MEMORY_KIB)),
             runtime: Handle::current(),
         });
         let callback = {
@@ -80,27 +91,37 @@ impl Questions {
 impl Desk {
     /// A question, on a thread of the network, which must not work on it.
     fn take(self: &Arc<Self>, query: Query) {
-        match self.places.clone().try_acquire_owned() {
-            Ok(place) => {
-                self.runtime.spawn(self.clone().serve(query, place));
+        match self.room_for(&query) {
+            Ok(room) => {
+                self.runtime.spawn(self.clone().serve(query, room));
             }
-            Err(_) => {
-                let what = "questions over Zenoh".into();
-                let limit = format!(
-                    "{} are worked on already (zenoh.max_queries)",
-                    self.bus.config().max_queries
-                );
-                self.say(&query, Err(Error::ResourceExhausted { what, limit }));
-            }
+            Err(error) => self.say(&query, Err(error)),
         }
     }
 
-    async fn serve(self: Arc<Self>, query: Query, place: OwnedSemaphorePermit) {
+    /// A place and memory, until the question is answered.
+    fn room_for(&self, query: &Query) -> Result<Room> {
+        let exhausted =
+            |limit: String| Error::ResourceExhausted { what: "questions over Zenoh".into(), limit };
+        let most = self.bus.config().max_queries;
+        let place =
+            self.places.clone().try_acquire_owned().map_err(|_| {
+                exhausted(format!("{most} are worked on already (zenoh.max_queries)"))
+            })?;
+        let size_kib = query.payload().map_or(0, |payload| payload.len() >> 10);
+        let size_kib = u32::try_from(size_kib.min(MEMORY_KIB)).unwrap_or(u32::MAX);
+        let memory = self.memory.clone().try_acquire_many_owned(size_kib).map_err(|_| {
+            exhausted(format!("those that are worked on take all of {MEMORY_KIB} KiB"))
+        })?;
+        Ok(Room { _place: place, _memory: memory })
+    }
+
+    async fn serve(self: Arc<Self>, query: Query, room: Room) {
         let answered = self.answer(&query).await;
         // Sending waits where the line is full, and so goes to a thread that may.
         let sending = tokio::task::spawn_blocking(move || {
             self.say(&query, answered);
-            drop(place);
+            drop(room);
         });
         if sending.await.is_err() {
             tracing::error!("sending an answer over Zenoh failed");

@@ -115,3 +115,37 @@ async fn bad_questions_are_refused_and_named() {
     drop(client);
     server.stop().await.0.unwrap();
 }
+
+/// Each drawing takes many times as long as it takes all questions to come.
+#[tokio::test(flavor = "multi_thread")]
+async fn questions_beyond_the_bound_are_refused_at_once() {
+    let router = Router::start();
+    let (server, client) = start_on(&router, |s| s.bus.max_queries = 1).await;
+    let size =
+        v1::Intrinsics { width: 1800, height: 1800, fx: 900.0, fy: 900.0, cx: 900.0, cy: 900.0 };
+    let request = v1::RenderRequest {
+        world_from_camera: good_frame(0).world_from_camera,
+        intrinsics: Some(size),
+        ..v1::RenderRequest::default()
+    };
+    let session = client.bus().session();
+    let mut asked = Vec::new();
+    for _ in 0..24 {
+        let payload = request.encode_to_vec();
+        asked.push(session.get("orenx/default/q/render").payload(payload).await.unwrap());
+    }
+    let (mut answered, mut refused) = (0, 0);
+    for replies in asked {
+        match replies.recv_async().await.unwrap().into_result() {
+            Ok(_) => answered += 1,
+            Err(error) => {
+                let said: v1::QueryError = read_message(Slices::of(error.payload())).unwrap();
+                assert!(said.message.contains("zenoh.max_queries"), "{said:?}");
+                refused += 1;
+            }
+        }
+    }
+    assert!(answered > 0 && refused > 0, "{answered} answered, {refused} refused");
+    drop(client);
+    server.stop().await.0.unwrap();
+}

@@ -132,14 +132,15 @@ async fn a_subscriber_that_does_not_read_slows_nobody() {
     // It takes one sample and is stuck with it until the end.
     let slow = ZenohClient::connect(&router.url()).await.unwrap();
     let (stuck, is_stuck) = tokio::sync::oneshot::channel();
-    let (release, released) = std::sync::mpsc::channel::<()>();
+    let (release, released) = std::sync::mpsc::sync_channel::<()>(0);
     let (stuck, released) = (std::sync::Mutex::new(Some(stuck)), std::sync::Mutex::new(released));
     let subscriber = slow
         .bus()
         .session()
         .declare_subscriber("orenx/**")
         .callback(move |_: Sample| {
-            if let Some(stuck) = stuck.lock().unwrap().take() {
+            let first = stuck.lock().unwrap().take();
+            if let Some(stuck) = first {
                 stuck.send(()).unwrap();
                 let _ = released.lock().unwrap().recv();
             }
@@ -187,14 +188,14 @@ async fn a_robot_that_is_too_fast_gets_a_verdict_for_each_frame() {
 }
 
 /// Hears everything that is said about one key, for the tests of what the server says unasked.
-pub(super) async fn listen(client: &ZenohClient, key: &str) -> mpsc::UnboundedReceiver<Sample> {
-    let (told, samples) = mpsc::unbounded_channel();
+pub(super) async fn listen(client: &ZenohClient, key: &str) -> mpsc::Receiver<Sample> {
+    let (told, samples) = mpsc::channel(256);
     client
         .bus()
         .session()
         .declare_subscriber(key.to_owned())
         .callback(move |sample| {
-            let _ = told.send(sample);
+            let _ = told.try_send(sample);
         })
         .background()
         .await

@@ -71,7 +71,7 @@ impl Alive {
 struct Robot {
     client: ZenohClient,
     key: FrameKey,
-    acks: mpsc::UnboundedReceiver<v1::FrameAck>,
+    acks: mpsc::Receiver<v1::FrameAck>,
     _subscriber: Subscriber<()>,
     _token: Option<LivelinessToken>,
 }
@@ -80,13 +80,13 @@ impl Robot {
     async fn connect(url: &str, name: &str) -> Self {
         let client = ZenohClient::connect(url).await.unwrap();
         let key = FrameKey::new(name, "front").unwrap();
-        let (told, acks) = mpsc::unbounded_channel();
+        let (told, acks) = mpsc::channel(1024);
         let subscriber = client
             .bus()
             .session()
             .declare_subscriber(client.bus().keys().ack(DEFAULT_MAP, &key))
             .callback(move |sample: Sample| {
-                let _ = told.send(read_message(Slices::of(sample.payload())).unwrap());
+                let _ = told.try_send(read_message(Slices::of(sample.payload())).unwrap());
             })
             .await
             .unwrap();

@@ -35,92 +35,95 @@ async fn ask<A: Message + Default>(client: &ZenohClient, verb: &str, request: &i
     read_message(Slices::of(sample.payload())).unwrap()
 }
 
+/// Asks both. What a verb costs is its own; everything else is the same, to the bit.
+macro_rules! same {
+    ($zenoh:ident, $verb:literal, $Reply:ty, $request:expr, $grpc:ident, $method:ident) => {
+        let request = $request;
+        let mut grpc = $grpc.$method(request.clone()).await.unwrap().into_inner();
+        let mut zenoh: $Reply = ask(&$zenoh, $verb, &request).await;
+        assert!(grpc.epoch > 0 && grpc.encoded_len() > 20, "{}: {grpc:?}", $verb);
+        (grpc.server_us, zenoh.server_us) = (0, 0);
+        assert_eq!(grpc.encode_to_vec(), zenoh.encode_to_vec(), "{}", $verb);
+    };
+}
+
+fn spheres(line: &[f32]) -> v1::QuerySpheresRequest {
+    v1::QuerySpheresRequest {
+        map_id: DEFAULT_MAP.into(),
+        spheres_m: line.chunks(3).flat_map(|p| [p[0], p[1], p[2], 0.15]).collect(),
+        ..v1::QuerySpheresRequest::default()
+    }
+}
+
+fn trajectories(line: &[f32]) -> v1::CheckTrajectoriesRequest {
+    v1::CheckTrajectoriesRequest {
+        map_id: DEFAULT_MAP.into(),
+        spheres_m: vec![0.0, 0.0, 0.0, 0.2],
+        poses: line.chunks(3).flat_map(|p| [p[0], p[1], p[2], 0.0, 0.0, 0.0, 1.0]).collect(),
+        swept: true,
+        ..v1::CheckTrajectoriesRequest::default()
+    }
+}
+
+fn grid() -> v1::GetGridRequest {
+    let corner = |x: f64, z: f64| Some(v1::Vector3 { x, y: x, z });
+    v1::GetGridRequest {
+        map_id: DEFAULT_MAP.into(),
+        region: Some(v1::Aabb { min: corner(-0.5, 1.0), max: corner(0.5, 2.0) }),
+        voxel_m: 0.1,
+        ..v1::GetGridRequest::default()
+    }
+}
+
 #[tokio::test(flavor = "multi_thread")]
 async fn every_verb_answers_as_over_grpc() {
     let router = Router::start();
     let (server, client) = start_on(&router, |_| {}).await;
     fill(&server).await;
-    let map_id = || DEFAULT_MAP.to_owned();
     let line: Vec<f32> = (0..40).flat_map(|i| [i as f32 * 0.1 - 2.0, 0.2, 1.1]).collect();
-    let spheres: Vec<f32> = line.chunks(3).flat_map(|p| [p[0], p[1], p[2], 0.15]).collect();
-    let poses: Vec<f32> =
-        line.chunks(3).flat_map(|p| [p[0], p[1], p[2], 0.0, 0.0, 0.0, 1.0]).collect();
-    let corner = |x: f32| Some(v1::Vector3 { x: x.into(), y: x.into(), z: 1.0 });
-    let region =
-        Some(v1::Aabb { min: corner(-0.5), max: Some(v1::Vector3 { x: 0.5, y: 0.5, z: 2.0 }) });
-    let mut planner = PlannerClient::new(server.channel.clone());
-    let mut compared = Vec::new();
-    // What a verb costs is its own; everything else is the same, to the bit.
-    macro_rules! same {
-        ($verb:literal, $Reply:ty, $request:expr, $client:expr, $method:ident) => {
-            let request = $request;
-            let mut grpc = $client.$method(request.clone()).await.unwrap().into_inner();
-            let mut zenoh: $Reply = ask(&client, $verb, &request).await;
-            assert!(grpc.epoch > 0 && grpc.encoded_len() > 20, "{}: {grpc:?}", $verb);
-            (grpc.server_us, zenoh.server_us) = (0, 0);
-            assert_eq!(grpc.encode_to_vec(), zenoh.encode_to_vec(), "{}", $verb);
-            compared.push($verb);
-        };
-    }
+    let mut query = QueryClient::new(server.channel.clone());
     let points = v1::QueryPointsRequest {
-        map_id: map_id(),
+        map_id: DEFAULT_MAP.into(),
         points_m: line.clone(),
         ..v1::QueryPointsRequest::default()
     };
-    let mut query = QueryClient::new(server.channel.clone());
-    same!("points", v1::QueryPointsReply, points, query, query_points);
-    let spheres_asked = v1::QuerySpheresRequest {
-        map_id: map_id(),
-        spheres_m: spheres,
-        ..v1::QuerySpheresRequest::default()
+    same!(client, "points", v1::QueryPointsReply, points, query, query_points);
+    let mut render = RenderClient::new(server.channel.clone());
+    let image = v1::RenderRequest {
+        map_id: DEFAULT_MAP.into(),
+        world_from_camera: good_frame(0).world_from_camera,
+        intrinsics: good_frame(0).intrinsics,
+        ..v1::RenderRequest::default()
     };
-    same!("spheres", v1::QuerySpheresReply, spheres_asked, planner, query_spheres);
-    let trajectories = v1::CheckTrajectoriesRequest {
-        map_id: map_id(),
-        spheres_m: vec![0.0, 0.0, 0.0, 0.2],
-        poses,
-        swept: true,
-        ..v1::CheckTrajectoriesRequest::default()
-    };
-    same!("trajectories", v1::CheckTrajectoriesReply, trajectories, planner, check_trajectories);
+    same!(client, "render", v1::RenderReply, image, render, render);
+    let mut planner = PlannerClient::new(server.channel.clone());
+    let spheres = spheres(&line);
+    same!(client, "spheres", v1::QuerySpheresReply, spheres, planner, query_spheres);
+    let ways = trajectories(&line);
+    same!(client, "trajectories", v1::CheckTrajectoriesReply, ways, planner, check_trajectories);
     let rays = v1::CastRaysRequest {
-        map_id: map_id(),
+        map_id: DEFAULT_MAP.into(),
         directions: line.clone(),
         origins_m: line.clone(),
         max_range_m: 5.0,
         ..v1::CastRaysRequest::default()
     };
-    same!("rays", v1::CastRaysReply, rays, planner, cast_rays);
-    let grid = v1::GetGridRequest {
-        map_id: map_id(),
-        region,
-        voxel_m: 0.1,
-        ..v1::GetGridRequest::default()
-    };
-    same!("grid", v1::GetGridReply, grid, planner, get_grid);
+    same!(client, "rays", v1::CastRaysReply, rays, planner, cast_rays);
+    same!(client, "grid", v1::GetGridReply, grid(), planner, get_grid);
     let slice = v1::GetSliceRequest {
-        map_id: map_id(),
+        map_id: DEFAULT_MAP.into(),
         z_m: 1.0,
         resolution_m: 0.1,
         ..v1::GetSliceRequest::default()
     };
-    same!("slice", v1::GetSliceReply, slice, planner, get_slice);
+    same!(client, "slice", v1::GetSliceReply, slice, planner, get_slice);
     let nearest = v1::FindNearestRequest {
-        map_id: map_id(),
+        map_id: DEFAULT_MAP.into(),
         points_m: line,
         max_unknown_m: 0.5,
         ..v1::FindNearestRequest::default()
     };
-    same!("nearest", v1::FindNearestReply, nearest, planner, find_nearest);
-    let image = v1::RenderRequest {
-        map_id: map_id(),
-        world_from_camera: good_frame(0).world_from_camera,
-        intrinsics: good_frame(0).intrinsics,
-        ..v1::RenderRequest::default()
-    };
-    let mut render = RenderClient::new(server.channel.clone());
-    same!("render", v1::RenderReply, image, render, render);
-    assert_eq!(compared.len(), 8);
+    same!(client, "nearest", v1::FindNearestReply, nearest, planner, find_nearest);
     drop(client);
     server.stop().await.0.unwrap();
 }

@@ -1,15 +1,15 @@
-//! `planner.proto`: what is watched, and its news.
+//! What is watched, and its news.
 
 use std::time::Duration;
 
-use super::geometry::required;
-use super::planner::{place_to_wire, region_from_wire, trajectories_question_to_wire};
-use super::v1;
+use super::{place_to_wire, region_from_wire, trajectories_question_to_wire};
 use crate::error::{Error, Result};
 use crate::map::GridShape;
 use crate::service::{
     RegionBrick, RegionChange, RegionQuestion, Terms, TrajectoriesQuestion, WatchedTrajectories,
 };
+use crate::wire::geometry::required;
+use crate::wire::v1;
 
 impl TryFrom<v1::WatchRegionRequest> for RegionQuestion {
     type Error = Error;
