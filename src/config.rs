@@ -3,6 +3,7 @@
 //! [`MapSettings`] is raw: what the file, the environment and the flags say. [`MapConfig`] is
 //! checked and complete: every profile default is filled in, and it travels inside a checkpoint.
 
+mod bus;
 mod encoder;
 mod language;
 mod layers;
@@ -13,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
+pub use bus::{BusConfig, BusMode, BusSettings, FrameLimits, check_chunk};
 pub use encoder::{EncoderKind, EncoderSettings};
 pub use language::{CodeForm, DictionaryKind, LanguageConfig, MAX_ATOMS};
 pub use server::{

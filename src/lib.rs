@@ -11,10 +11,11 @@
 //! - [`storage`], [`eval`], [`engine`]: checkpoints; the paper's tables; the mapper thread
 //! - [`service`]: the verbs
 //! - [`wire`]: protobuf to core and back
-//! - [`client`], [`ingest`], [`serve`]: the edges
+//! - [`bus`], [`client`], [`ingest`], [`serve`]: the edges
 //! - [`cli`]: one file a subcommand
 
 pub mod backend;
+pub mod bus;
 pub mod cli;
 pub mod client;
 pub mod config;

@@ -138,7 +138,17 @@ impl Service {
 
     /// Refuses a frame that could not even be read, so that it is counted like any other.
     pub fn refuse_frame(&self, error: Error, sink: Box<dyn FrameSink>, arrived: Instant) {
-        Counted::receive(&self.counters, sink, arrived).settle(Verdict::Rejected(error));
+        self.settle_frame(Verdict::Rejected(error), sink, arrived);
+    }
+
+    /// Counts a frame that gave way, or was refused, before it was read.
+    pub fn settle_frame(&self, verdict: Verdict, sink: Box<dyn FrameSink>, arrived: Instant) {
+        Counted::receive(&self.counters, sink, arrived).settle(verdict);
+    }
+
+    /// Counts frames that were sent and never came, where a transport can tell.
+    pub fn lose_frames(&self, frames: u64) {
+        self.counters.lose(frames);
     }
 
     /// Answers points from the newest view, if it is as new as the question demands. Small questions

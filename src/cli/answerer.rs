@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use tokio::runtime::Runtime;
 
 use super::encoder::EncoderArgs;
-use super::open::{is_url, open_view};
+use super::open::{asking_runtime, is_url, open_view};
 use crate::client::Questioner;
 use crate::encoder::TextEncoder;
 use crate::error::{Error, Result};
@@ -46,10 +46,7 @@ impl Answerer {
     pub(super) fn open(map: &str, encoder: &EncoderArgs) -> Result<Self> {
         if is_url(map) {
             let encoder = encoder.open()?;
-            let runtime = tokio::runtime::Builder::new_current_thread()
-                .enable_all()
-                .build()
-                .map_err(|e| Error::Internal(format!("cannot start a runtime: {e}")))?;
+            let runtime = asking_runtime()?;
             let client = runtime.block_on(Questioner::connect(map))?;
             return Ok(Self { source: Source::Server { client, runtime }, encoder });
         }

@@ -10,7 +10,7 @@ use glam::Vec3;
 use rayon::ThreadPool;
 use tokio::runtime::Runtime;
 
-use super::open::{is_url, open_view};
+use super::open::{asking_runtime, is_url, open_view};
 use crate::client::Questioner;
 use crate::error::{Error, Result};
 use crate::map::{Fields, MapView, PointAnswers, State, query_parallel, query_pool};
@@ -69,10 +69,7 @@ enum Source {
 impl Source {
     fn open(map: &str) -> Result<Self> {
         if is_url(map) {
-            let runtime = tokio::runtime::Builder::new_current_thread()
-                .enable_all()
-                .build()
-                .map_err(|e| Error::Internal(format!("cannot start a runtime: {e}")))?;
+            let runtime = asking_runtime()?;
             let client = runtime.block_on(Questioner::connect(map))?;
             return Ok(Self::Server { client, runtime });
         }

@@ -11,7 +11,7 @@ use rayon::ThreadPool;
 use tokio::runtime::Runtime;
 
 use self::viewpoints::{Orbit, Viewpoint};
-use super::open::{is_url, open_view};
+use super::open::{asking_runtime, is_url, open_view};
 use crate::client::Questioner;
 use crate::dataset::{cameras, pose};
 use crate::error::{Error, Result};
@@ -134,10 +134,7 @@ impl Source {
             if sample != SamplePosition::ZeroCrossing {
                 return Err(Error::invalid("sample", "is for map files, not for servers"));
             }
-            let runtime = tokio::runtime::Builder::new_current_thread()
-                .enable_all()
-                .build()
-                .map_err(|e| Error::Internal(format!("cannot start a runtime: {e}")))?;
+            let runtime = asking_runtime()?;
             let client = runtime.block_on(Questioner::connect(map))?;
             return Ok(Self::Server { client, runtime, renderer });
         }

@@ -21,13 +21,22 @@ pub struct ServeArgs {
     /// repeated
     #[arg(long = "set", value_name = "SECTION.KEY=VALUE")]
     pub set: Vec<String>,
+    /// Serve over Zenoh too, and connect to this router, as in tcp/127.0.0.1:7447; may be repeated
+    #[arg(long, value_name = "ENDPOINT")]
+    pub zenoh_connect: Vec<String>,
+    /// Serve over Zenoh too, with this configuration (JSON5)
+    #[arg(long, value_name = "FILE")]
+    pub zenoh_config: Option<PathBuf>,
+    /// What keys over Zenoh begin with
+    #[arg(long, value_name = "PREFIX")]
+    pub zenoh_prefix: Option<String>,
 }
 
 impl ServeArgs {
     pub fn run(self) -> anyhow::Result<()> {
         heap::bound();
         let variables = std::env::vars_os();
-        let settings = Settings::layered(self.config.as_deref(), variables, &self.set)?;
+        let settings = Settings::layered(self.config.as_deref(), variables, &self.flags())?;
         let (config, map) = ServerConfig::from_settings(&settings)?;
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .enable_all()
@@ -45,6 +54,9 @@ impl ServeArgs {
             if let Some(address) = listeners.http_address() {
                 println!("orenx serves HTTP on http://{address}");
             }
+            if let Some(bus) = &config.bus {
+                println!("orenx serves Zenoh below {}", bus.prefix);
+            }
             println!("epoch {epoch}");
             let served = serve::run(listeners, service, interrupted()).await;
             // Joins the mapper: what went wrong there comes back from either.
@@ -57,6 +69,23 @@ impl ServeArgs {
             }
             Ok(())
         })
+    }
+}
+
+impl ServeArgs {
+    /// Every flag as a setting; those that have a name of their own go over `--set`.
+    fn flags(&self) -> Vec<String> {
+        let mut flags = self.set.clone();
+        if !self.zenoh_connect.is_empty() {
+            flags.push(format!("zenoh.connect={}", self.zenoh_connect.join(",")));
+        }
+        if let Some(file) = &self.zenoh_config {
+            flags.push(format!("zenoh.config={}", file.display()));
+        }
+        if let Some(prefix) = &self.zenoh_prefix {
+            flags.push(format!("zenoh.prefix={prefix}"));
+        }
+        flags
     }
 }
 

@@ -9,7 +9,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
-use crate::client::{Client, Pace, StreamReport, load_ahead, send};
+use crate::client::{Client, Pace, StreamReport, ZenohClient, load_ahead, send};
 use crate::dataset::{self, Format, FrameRange};
 use crate::engine::QueuePolicy;
 use crate::service::DEFAULT_MAP;
@@ -22,7 +22,8 @@ const WINDOW: NonZeroUsize = NonZeroUsize::new(8).unwrap();
 pub struct StreamArgs {
     /// Folder of a recording, or a synthetic scene such as synthetic:room
     pub dataset: PathBuf,
-    /// The server, as in http://127.0.0.1:7610
+    /// The server, as in http://127.0.0.1:7610, or the Zenoh router before it, as in
+    /// zenoh+tcp://127.0.0.1:7447
     pub url: String,
     /// Send so many frames a second, and drop what the server does not take, as a live sensor
     /// does. Without it, every frame is sent as soon as the server takes it
@@ -54,7 +55,6 @@ impl StreamArgs {
     async fn stream(self) -> anyhow::Result<()> {
         let dataset: Arc<dyn dataset::Dataset> = dataset::open(&self.dataset, self.format)?.into();
         let indices = self.frames.indices(dataset.len(), self.stride)?;
-        let client = Client::connect(&self.url).await?;
         let bar = progress_bar(indices.len() as u64)?;
         let pace = Pace {
             map_id: DEFAULT_MAP.into(),
@@ -67,11 +67,15 @@ impl StreamArgs {
         };
         let name = dataset.name().to_owned();
         let frames = load_ahead(dataset, indices.into_iter(), self.labels, |_| {})?;
-        let report = send(&client, pace, frames, |report| {
+        let progress = |report: &StreamReport| {
             bar.set_position(report.settled);
             bar.set_message(format!("{:.1} frames/s", report.frames_per_second()));
-        })
-        .await?;
+        };
+        let report = if self.url.starts_with("zenoh+") {
+            send(&ZenohClient::connect(&self.url).await?, pace, frames, progress).await?
+        } else {
+            send(&Client::connect(&self.url).await?, pace, frames, progress).await?
+        };
         bar.finish_and_clear();
         print(&name, &report);
         if let Some(path) = &self.report {
@@ -111,6 +115,9 @@ fn print(name: &str, report: &StreamReport) {
             println!("{what} {count}: {}", reason.to_lowercase());
         }
     }
+    if report.unanswered > 0 {
+        println!("without an answer {}", report.unanswered);
+    }
     if let Some(message) = &report.first_refusal {
         println!("first refusal: {message}");
     }
@@ -137,6 +144,7 @@ fn as_json(name: &str, url: &str, report: &StreamReport) -> serde_json::Value {
         "integrated": report.integrated,
         "dropped": lower(&report.dropped),
         "rejected": lower(&report.rejected),
+        "unanswered": report.unanswered,
         "epoch": report.epoch,
         "seconds": report.elapsed.as_secs_f64(),
         "frames_per_second": report.frames_per_second(),

@@ -1,15 +1,17 @@
-//! Clients of a server: gRPC for the demo robot, `orenx stream` and whoever asks; HTTP for those who
-//! prefer it.
+//! Clients of a server: gRPC for the demo robot, `orenx stream` and whoever asks; HTTP and Zenoh for
+//! those who prefer them.
 
 mod http;
 mod images;
 mod language;
 mod questioner;
 mod stream;
+mod zenoh;
 
 use std::time::Duration;
 
 use glam::Vec3;
+use tokio::sync::mpsc;
 use tokio_stream::{Stream, StreamExt};
 use tonic::Streaming;
 use tonic::transport::{Channel, Endpoint};
@@ -33,6 +35,7 @@ use crate::wire::{
     v1,
 };
 
+pub use self::zenoh::ZenohClient;
 pub use http::HttpClient;
 pub use images::camera_json;
 pub use questioner::Questioner;
@@ -168,10 +171,20 @@ impl Client {
             .into_inner();
         Ok(Emptied { epoch: reply.epoch, frames_dropped: reply.frames_dropped })
     }
+}
 
+/// Who frames can be sent to.
+pub trait TakesFrames {
     /// Sends frames as they come and returns their acks. Whoever calls bounds the frames that are
     /// under way, by the acks.
-    pub async fn stream_frames(
+    fn stream_frames(
+        &self,
+        frames: impl Stream<Item = v1::Frame> + Send + 'static,
+    ) -> impl Future<Output = Result<Acks>> + Send;
+}
+
+impl TakesFrames for Client {
+    async fn stream_frames(
         &self,
         frames: impl Stream<Item = v1::Frame> + Send + 'static,
     ) -> Result<Acks> {
@@ -180,17 +193,29 @@ impl Client {
             .stream_frames(frames)
             .await
             .map_err(|status| error_from_status(&status))?;
-        Ok(Acks(acks.into_inner()))
+        Ok(Acks(AckSource::Grpc(acks.into_inner())))
     }
 }
 
 /// The acks of one stream of frames.
-pub struct Acks(Streaming<v1::FrameAck>);
+pub struct Acks(AckSource);
+
+enum AckSource {
+    Grpc(Streaming<v1::FrameAck>),
+    Bus(mpsc::Receiver<Result<v1::FrameAck>>),
+}
 
 impl Acks {
     /// The next ack; `None` after the last.
     pub async fn next(&mut self) -> Result<Option<v1::FrameAck>> {
-        self.0.message().await.map_err(|status| error_from_status(&status))
+        match &mut self.0 {
+            AckSource::Grpc(acks) => acks.message().await.map_err(|s| error_from_status(&s)),
+            AckSource::Bus(acks) => acks.recv().await.transpose(),
+        }
+    }
+
+    fn of_bus(acks: mpsc::Receiver<Result<v1::FrameAck>>) -> Self {
+        Self(AckSource::Bus(acks))
     }
 }
 

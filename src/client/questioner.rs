@@ -1,6 +1,6 @@
 //! Questions to a server, whatever it speaks.
 
-use super::{Client, HttpClient};
+use super::{Client, HttpClient, ZenohClient};
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
 use crate::service::{
@@ -8,17 +8,21 @@ use crate::service::{
     ImageReply, PointsQuestion, PointsReply,
 };
 
-/// A client of either transport.
+/// A client of any transport.
 #[derive(Clone)]
 pub enum Questioner {
     Grpc(Client),
     Http(HttpClient),
+    Zenoh(ZenohClient),
 }
 
 impl Questioner {
     /// Connects to `grpc://host:port`, or to `http://host:port` in HTTP if that is what answers
-    /// there, else in gRPC.
+    /// there, else in gRPC, or to `zenoh+tcp://host:port`.
     pub async fn connect(url: &str) -> Result<Self> {
+        if url.starts_with("zenoh+") {
+            return ZenohClient::connect(url).await.map(Self::Zenoh);
+        }
         if url.starts_with("http://") {
             let http = HttpClient::new(url)?;
             if http.is_spoken().await? {
@@ -33,6 +37,7 @@ impl Questioner {
         match self {
             Self::Grpc(client) => client.ask(question).await,
             Self::Http(client) => client.ask(question).await,
+            Self::Zenoh(client) => client.ask(question).await,
         }
     }
 
@@ -41,6 +46,7 @@ impl Questioner {
         match self {
             Self::Grpc(client) => client.render(question).await,
             Self::Http(client) => client.render(question).await,
+            Self::Zenoh(client) => client.render(question).await,
         }
     }
 
@@ -49,6 +55,7 @@ impl Questioner {
         match self {
             Self::Grpc(client) => client.find(question).await,
             Self::Http(client) => client.find(question).await,
+            Self::Zenoh(client) => client.find(question).await,
         }
     }
 
@@ -57,6 +64,7 @@ impl Questioner {
         match self {
             Self::Grpc(client) => client.classify(question).await,
             Self::Http(client) => client.classify(question).await,
+            Self::Zenoh(client) => client.classify(question).await,
         }
     }
 
@@ -70,6 +78,7 @@ impl Questioner {
                 Ok(map.ok_or_else(missing)?.bounds)
             }
             Self::Http(client) => client.bounds().await,
+            Self::Zenoh(client) => client.bounds().await,
         }
     }
 }

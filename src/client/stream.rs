@@ -9,7 +9,7 @@ use tokio::sync::{Semaphore, mpsc};
 use tokio::time::MissedTickBehavior;
 use tokio_stream::wrappers::ReceiverStream;
 
-use super::Client;
+use super::TakesFrames;
 use crate::dataset::Dataset;
 use crate::engine::QueuePolicy;
 use crate::error::{Error, Result};
@@ -36,6 +36,8 @@ pub struct StreamReport {
     /// By reason, in the names of `FrameReason`.
     pub dropped: BTreeMap<&'static str, u64>,
     pub rejected: BTreeMap<&'static str, u64>,
+    /// Frames whose verdict never came: lost on the way, or their acks were.
+    pub unanswered: u64,
     /// What the server said about the first frame that it refused.
     pub first_refusal: Option<String>,
     /// The newest epoch that holds one of the frames.
@@ -55,6 +57,7 @@ impl StreamReport {
                 self.epoch = self.epoch.max(ack.epoch);
                 self.visible_after_us.push(ack.server_us);
             }
+            v1::FrameStatus::Unspecified => self.unanswered += 1,
             v1::FrameStatus::Dropped => *self.dropped.entry(reason).or_default() += 1,
             _ => {
                 *self.rejected.entry(reason).or_default() += 1;
@@ -84,7 +87,7 @@ impl From<Frame> for Outgoing {
 /// Sends the frames of `source` until it ends and every frame has its verdict; `progress` sees the
 /// report after each. Fails if a frame cannot be loaded or the server ends the stream.
 pub async fn send(
-    client: &Client,
+    client: &impl TakesFrames,
     pace: Pace,
     mut source: mpsc::Receiver<Result<Outgoing>>,
     mut progress: impl FnMut(&StreamReport),

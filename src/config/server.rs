@@ -6,7 +6,10 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use super::{BackendChoice, EncoderSettings, MapConfig, MapSettings, Schedule};
+use super::{
+    BackendChoice, BusConfig, BusSettings, EncoderSettings, FrameLimits, MapConfig, MapSettings,
+    Schedule,
+};
 use crate::error::{Error, Result};
 
 /// The file that documents every key. It is the lowest layer of every configuration.
@@ -17,6 +20,8 @@ pub const DEFAULT_FILE: &str = include_str!("../../deploy/orenx.toml");
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     pub server: ServerSettings,
+    #[serde(rename = "zenoh")]
+    pub bus: BusSettings,
     pub storage: StorageSettings,
     pub encoder: EncoderSettings,
     pub map: MapSettings,
@@ -65,6 +70,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             server: ServerSettings::default(),
+            bus: BusSettings::default(),
             storage: StorageSettings::default(),
             encoder: EncoderSettings::default(),
             map: MapSettings { schedule: Schedule::Adaptive, ..MapSettings::default() },
@@ -124,6 +130,8 @@ pub struct ServerConfig {
     /// The folder that holds the maps; `None` keeps them in memory.
     pub storage: Option<PathBuf>,
     pub encoder: EncoderSettings,
+    /// `None`: no Zenoh.
+    pub bus: Option<BusConfig>,
 }
 
 impl ServerConfig {
@@ -152,6 +160,15 @@ impl ServerConfig {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
             threads => threads,
         };
+        let lane_frames = within("lane_frames", server.lane_frames, 1..=1024)?;
+        let lanes = within("lanes", server.lanes, 1..=4096)?;
+        let queued_bytes = within("queued_mib", server.queued_mib, 1..=1 << 20)? << 20;
+        let frames = FrameLimits {
+            sensors: lanes,
+            bytes: queued_bytes,
+            live: lane_frames,
+            recorded: lane_frames,
+        };
         let config = Self {
             grpc: address("grpc", &server.grpc, 7610)?,
             http: match server.http.as_str() {
@@ -163,9 +180,9 @@ impl ServerConfig {
             max_points: within("max_points", server.max_points, 1..=2_000_000)?,
             // A colour in f32, 12 bytes a pixel, must fit in an answer.
             max_pixels: within("max_pixels", server.max_pixels, 1..=4_800_000)?,
-            lane_frames: within("lane_frames", server.lane_frames, 1..=1024)?,
-            lanes: within("lanes", server.lanes, 1..=4096)?,
-            queued_bytes: within("queued_mib", server.queued_mib, 1..=1 << 20)? << 20,
+            lane_frames,
+            lanes,
+            queued_bytes,
             max_frame_age: max_frame_age(server.max_frame_age_s)?,
             publish_interval: Duration::from_millis(within(
                 "publish_interval_ms",
@@ -178,6 +195,7 @@ impl ServerConfig {
             storage: (!settings.storage.path.as_os_str().is_empty())
                 .then(|| settings.storage.path.clone()),
             encoder: settings.encoder.clone(),
+            bus: BusConfig::from_settings(&settings.bus, frames)?,
         };
         config.encoder.check()?;
         let map = MapConfig::from_settings(&settings.map).map_err(|e| match e {
@@ -230,7 +248,9 @@ mod tests {
 
     #[test]
     fn the_compiled_in_file_mentions_every_key_in_its_section() {
-        for (section, at_least) in [("server", 8), ("storage", 1), ("encoder", 4), ("map", 10)] {
+        for (section, at_least) in
+            [("server", 8), ("zenoh", 9), ("storage", 1), ("encoder", 4), ("map", 10)]
+        {
             let (_, rest) = DEFAULT_FILE.split_once(&format!("\n[{section}]\n")).expect(section);
             let body = rest.split("\n[").next().unwrap_or_default();
             let keys = keys(section);

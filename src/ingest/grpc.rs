@@ -9,6 +9,7 @@ use tokio::sync::watch;
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status, Streaming};
 
+use super::read::read_frame;
 use crate::engine::{FrameSink, Queue, Session, Verdict};
 use crate::error::Error;
 use crate::service::Service;
@@ -113,7 +114,7 @@ impl FrameStream {
     ) -> ControlFlow<Option<Status>> {
         let arrived = sink.arrived;
         let reader = self.service.clone();
-        let decoded = tokio::task::spawn_blocking(move || read(&reader, message)).await;
+        let decoded = tokio::task::spawn_blocking(move || read_frame(&reader, message)).await;
         let incoming =
             decoded.unwrap_or_else(|_| Err(Error::Internal("decoding this frame failed".into())));
         let Self { service, session, ending, acks, .. } = self;
@@ -136,15 +137,6 @@ impl FrameStream {
             permit.send(Err(status));
         }
     }
-}
-
-/// A frame out of its message, with the features of its labels.
-fn read(service: &Service, message: v1::Frame) -> Result<IncomingFrame, Error> {
-    let mut incoming = IncomingFrame::try_from(message)?;
-    if let Some(labels) = incoming.labels.take() {
-        incoming.frame.features = Some(service.embed_labels(&labels)?);
-    }
-    Ok(incoming)
 }
 
 /// Waits for `work`, or for the end of its stream: with a status, or without one where the client has

@@ -28,7 +28,7 @@ const CALLS: [&str; 13] = [
 ];
 
 /// The codes of gRPC, by number.
-const CODES: [&str; 17] = [
+pub(super) const CODES: [&str; 17] = [
     "OK",
     "CANCELLED",
     "UNKNOWN",

@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use tokio::net::TcpListener;
 
 use super::http::Door;
+use crate::bus::Joining;
 use crate::config::ServerConfig;
 use crate::error::{Error, Result};
 
@@ -13,6 +14,8 @@ use crate::error::{Error, Result};
 pub struct Listeners {
     pub(super) grpc: TcpListener,
     pub(super) http: Option<Door>,
+    /// Zenoh, on its way.
+    pub(super) bus: Option<Joining>,
 }
 
 impl Listeners {
@@ -23,7 +26,11 @@ impl Listeners {
             Some(address) => Some(door(address, config).await?),
             None => None,
         };
-        Ok(Self { grpc, http })
+        let bus = match &config.bus {
+            Some(bus) => Some(Joining::begin(bus).await?),
+            None => None,
+        };
+        Ok(Self { grpc, http, bus })
     }
 
     /// Where gRPC listens.
@@ -40,7 +47,7 @@ impl Listeners {
 /// gRPC alone.
 impl From<TcpListener> for Listeners {
     fn from(grpc: TcpListener) -> Self {
-        Self { grpc, http: None }
+        Self { grpc, http: None, bus: None }
     }
 }
 

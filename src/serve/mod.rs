@@ -7,6 +7,7 @@ mod http;
 mod listeners;
 mod run;
 mod stream;
+mod zenoh;
 
 pub use http::Door;
 pub(crate) use http::Found;

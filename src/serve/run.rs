@@ -15,6 +15,7 @@ use super::calls::{Calls, Counting};
 use super::deadline::Deadlines;
 use super::grpc::Edge;
 use super::listeners::Listeners;
+use super::zenoh::{self, Tally};
 use crate::error::{Error, Result};
 use crate::ingest::IngestService;
 use crate::service::Service;
@@ -44,7 +45,7 @@ pub async fn run(
     service: Arc<Service>,
     shutdown: impl Future<Output = ()>,
 ) -> Result<()> {
-    let Listeners { grpc: listener, http } = listeners.into();
+    let Listeners { grpc: listener, http, bus } = listeners.into();
     let (close, closing) = watch::channel(false);
     let (health, health_service) = tonic_health::server::health_reporter();
     set_health(&health, ServingStatus::Serving).await;
@@ -60,9 +61,13 @@ pub async fn run(
         .max_decoding_message_size(MAX_MESSAGE_BYTES)
         .max_encoding_message_size(MAX_MESSAGE_BYTES);
     let calls = Arc::<Calls>::default();
+    let tally = Arc::<Tally>::default();
     if let Some(http) = &http {
-        http.serve(service.clone(), calls.clone());
+        http.serve(service.clone(), calls.clone(), bus.is_some().then(|| tally.clone()));
     }
+    let zenoh = bus.map(|joining| {
+        tokio::spawn(zenoh::serve(joining, service.clone(), tally, closing.clone()))
+    });
     let mut told = closing;
     let serving = Server::builder()
         .initial_stream_window_size(STREAM_WINDOW_BYTES)
@@ -103,6 +108,11 @@ pub async fn run(
     match tokio::time::timeout(DRAIN, serving).await {
         Ok(served) => served.map_err(transport_error)?,
         Err(_) => tracing::warn!("some connections did not end within {DRAIN:?}"),
+    }
+    if let Some(zenoh) = zenoh
+        && tokio::time::timeout(DRAIN, zenoh).await.is_err()
+    {
+        tracing::warn!("Zenoh did not end within {DRAIN:?}");
     }
     // HTTP goes last: it tells those who ask that the server is on its way down.
     if let Some(http) = http {

@@ -19,12 +19,15 @@ pub struct FrameCounts {
     pub rejected: Vec<(Reason, u64)>,
     /// Without a verdict yet.
     pub waiting: u64,
+    /// That never came, by the numbers of those that did; not among the received.
+    pub lost: u64,
 }
 
 #[derive(Default)]
 pub(super) struct Counters {
     received: AtomicU64,
     integrated: AtomicU64,
+    lost: AtomicU64,
     dropped: [AtomicU64; Reason::ALL.len()],
     rejected: [AtomicU64; Reason::ALL.len()],
     /// Of the integrated ones, until questions see them.
@@ -41,9 +44,15 @@ impl Counters {
         let integrated = self.integrated.load(Relaxed);
         let (dropped, rejected) = (by_reason(&self.dropped), by_reason(&self.rejected));
         let received = self.received.load(Relaxed);
-        let lost: u64 = dropped.iter().chain(&rejected).map(|(_, count)| count).sum();
-        let waiting = received.saturating_sub(integrated + lost);
-        FrameCounts { received, integrated, dropped, rejected, waiting }
+        let refused: u64 = dropped.iter().chain(&rejected).map(|(_, count)| count).sum();
+        let waiting = received.saturating_sub(integrated + refused);
+        let lost = self.lost.load(Relaxed);
+        FrameCounts { received, integrated, dropped, rejected, waiting, lost }
+    }
+
+    /// Frames that never came.
+    pub(super) fn lose(&self, frames: u64) {
+        self.lost.fetch_add(frames, Relaxed);
     }
 
     /// How long integrated frames took, from their last byte on, until questions saw them.

@@ -20,10 +20,15 @@ pub enum Call {
     HttpQueryText,
     HttpQueryEmbedding,
     HttpClassify,
+    ZenohQueryPoints,
+    ZenohRender,
+    ZenohQueryText,
+    ZenohQueryEmbedding,
+    ZenohClassify,
 }
 
 impl Call {
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 17] = [
         Self::GrpcQueryPoints,
         Self::GrpcStreamQuery,
         Self::GrpcRender,
@@ -36,6 +41,11 @@ impl Call {
         Self::HttpQueryText,
         Self::HttpQueryEmbedding,
         Self::HttpClassify,
+        Self::ZenohQueryPoints,
+        Self::ZenohRender,
+        Self::ZenohQueryText,
+        Self::ZenohQueryEmbedding,
+        Self::ZenohClassify,
     ];
 
     /// The names of the transport and of the verb.
@@ -53,6 +63,11 @@ impl Call {
             Self::HttpQueryText => ("http", "query_text"),
             Self::HttpQueryEmbedding => ("http", "query_embedding"),
             Self::HttpClassify => ("http", "classify"),
+            Self::ZenohQueryPoints => ("zenoh", "query_points"),
+            Self::ZenohRender => ("zenoh", "render"),
+            Self::ZenohQueryText => ("zenoh", "query_text"),
+            Self::ZenohQueryEmbedding => ("zenoh", "query_embedding"),
+            Self::ZenohClassify => ("zenoh", "classify"),
         }
     }
 }

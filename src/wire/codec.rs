@@ -5,6 +5,8 @@ use tonic::Status;
 use tonic::codec::{BufferSettings, Codec, DecodeBuf, Decoder};
 use tonic_prost::ProstCodec;
 
+use crate::error::{self, Error};
+
 /// Protobuf, with the refusal that a message deserves which is none: INVALID_ARGUMENT, like every
 /// other wrong input. gRPC libraries say INTERNAL, which reads as the server's own fault.
 #[derive(Debug, Clone)]
@@ -33,6 +35,11 @@ where
     fn decoder(&mut self) -> Self::Decoder {
         Checked(self.0.decoder())
     }
+}
+
+/// Reads a message that came as it is, without a codec around it.
+pub fn read_message<M: Message + Default>(bytes: impl bytes::Buf) -> error::Result<M> {
+    M::decode(bytes).map_err(|e| Error::invalid("message", format!("is no valid protobuf: {e}")))
 }
 
 /// A decoder whose failures are the sender's.

@@ -76,6 +76,7 @@ pub fn map_stats_to_wire(report: MapReport, spent: Duration) -> v1::GetMapStatsR
             dropped: reasons_to_wire(&counts.dropped),
             rejected: reasons_to_wire(&counts.rejected),
             waiting: counts.waiting,
+            lost: counts.lost,
         }),
         resident_bytes,
         server_us: spent.as_micros() as u64,
@@ -108,6 +109,7 @@ pub fn map_stats_from_wire(message: v1::GetMapStatsReply) -> Result<MapReport> {
             dropped: reasons_from_wire(&counts.dropped),
             rejected: reasons_from_wire(&counts.rejected),
             waiting: counts.waiting,
+            lost: counts.lost,
         },
         resident_bytes: message.resident_bytes,
     })
@@ -198,6 +200,7 @@ mod tests {
                 dropped: vec![(Reason::Replaced, 2)],
                 rejected: vec![(Reason::InvalidField, 1), (Reason::Internal, 2)],
                 waiting: 1,
+                lost: 3,
             },
             resident_bytes: 15,
         };

@@ -8,6 +8,7 @@ mod codec;
 mod columns;
 mod ending;
 mod features;
+mod frame_head;
 mod geometry;
 mod image;
 mod ingest;
@@ -17,12 +18,13 @@ mod query;
 mod render;
 mod status;
 
-pub use codec::Messages;
+pub use codec::{Messages, read_message};
 pub use columns::{
     COLUMNS, EPOCH, HEIGHT, NEWEST_STAMP_NS, POINTS, SERVER_US, WIDTH, columns_from_wire,
     columns_to_wire,
 };
 pub use ending::{Deadline, Ending};
+pub use frame_head::{FrameHead, settle_name};
 pub use ingest::{FrameSummary, IncomingFrame, ack_to_wire, frame_to_wire, labelled_frame_to_wire};
 pub use language::{
     FindRequest, classify_question_to_wire, classify_reply_to_wire, encoders_to_wire,
@@ -33,8 +35,8 @@ pub use maps::{
     map_stats_from_wire, map_stats_to_wire,
 };
 pub use query::{
-    points_question_to_wire, points_reply_to_wire, stream_question_to_wire, stream_reply_from_wire,
-    stream_reply_to_wire,
+    points_question_to_wire, points_reply_to_wire, refusal_from_wire, refusal_to_wire,
+    stream_question_to_wire, stream_reply_from_wire, stream_reply_to_wire,
 };
 pub use render::{
     image_question_to_wire, image_reply_from_wire, image_reply_to_wire,

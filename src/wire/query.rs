@@ -164,8 +164,8 @@ pub fn stream_reply_from_wire(message: v1::StreamQueryReply) -> Result<(u64, Res
     Ok((message.id, outcome))
 }
 
-/// Why a question of a stream has no answer.
-pub(super) fn refusal_to_wire(error: &Error) -> v1::QueryError {
+/// Why a question has no answer, where there is no status to say it.
+pub fn refusal_to_wire(error: &Error) -> v1::QueryError {
     v1::QueryError {
         code: i32::from(Codes::of(error.status()).grpc) as u32,
         field: error.field().unwrap_or_default().to_owned(),
@@ -173,7 +173,8 @@ pub(super) fn refusal_to_wire(error: &Error) -> v1::QueryError {
     }
 }
 
-pub(super) fn refusal_from_wire(error: v1::QueryError) -> Error {
+/// What a client's caller sees of it.
+pub fn refusal_from_wire(error: v1::QueryError) -> Error {
     let code = tonic::Code::from_i32(error.code as i32);
     error_from_status(&tonic::Status::new(code, error.message))
 }

@@ -17,11 +17,14 @@ struct Confined {
 
 const ASYNC: &str = "below floor 4 everything runs without a runtime or a transport";
 
-const CONFINED: [Confined; 11] = [
+const BUS: &str = "a transport among others: its messages are those of wire";
+
+const CONFINED: [Confined; 12] = [
     Confined { name: "tokio", allowed: |floor, _| floor >= 4, reason: ASYNC },
     Confined { name: "tonic", allowed: |floor, _| floor >= 4, reason: ASYNC },
     Confined { name: "axum", allowed: |floor, _| floor >= 4, reason: ASYNC },
-    Confined { name: "zenoh", allowed: |floor, _| floor >= 4, reason: ASYNC },
+    Confined { name: "zenoh", allowed: |floor, _| floor == 7, reason: BUS },
+    Confined { name: "zenoh_ext", allowed: |floor, _| floor == 7, reason: BUS },
     Confined {
         name: "prost",
         allowed: |floor, _| floor >= 6,

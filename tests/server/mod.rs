@@ -9,6 +9,7 @@ mod maps;
 mod questions;
 mod sensors;
 mod streams;
+mod zenoh;
 
 use std::sync::Arc;
 

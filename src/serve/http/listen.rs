@@ -15,6 +15,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::{JoinHandle, JoinSet};
 
 use super::super::calls::Calls;
+use super::super::zenoh::Tally;
 use super::limits::Limits;
 use super::stall::Stall;
 use super::{Edge, router};
@@ -58,9 +59,15 @@ impl Door {
         self.address
     }
 
-    /// The map is loaded: questions are answered from now on. `calls` are those over gRPC.
-    pub(in crate::serve) fn serve(&self, service: Arc<Service>, calls: Arc<Calls>) {
-        self.edge.serve(service, calls);
+    /// The map is loaded: questions are answered from now on. `calls` are those over gRPC, `zenoh` what
+    /// came there.
+    pub(in crate::serve) fn serve(
+        &self,
+        service: Arc<Service>,
+        calls: Arc<Calls>,
+        zenoh: Option<Arc<Tally>>,
+    ) {
+        self.edge.serve(service, calls, zenoh);
     }
 
     /// Says that it is not ready any more, and why, and goes on answering.

@@ -107,6 +107,8 @@ struct FrameCounts {
     rejected: BTreeMap<&'static str, u64>,
     /// Without a verdict yet.
     waiting: u64,
+    /// Frames that were sent over Zenoh and never came; not among those received.
+    lost: u64,
 }
 
 #[derive(Debug, Serialize, ToSchema)]
@@ -185,6 +187,7 @@ fn stats_of(service: &Service, map_id: &str) -> Result<MapStats, Refusal> {
             dropped: by_reason(&counts.dropped),
             rejected: by_reason(&counts.rejected),
             waiting: counts.waiting,
+            lost: counts.lost,
         },
         resident_bytes: report.resident_bytes,
         server_us: since(started),

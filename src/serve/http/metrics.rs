@@ -2,6 +2,7 @@
 
 use std::fmt::{Display, Write};
 
+use super::super::zenoh::Tally;
 use super::Edge;
 use crate::engine::Reason;
 use crate::service::{DEFAULT_MAP, FrameCounts, Service};
@@ -27,9 +28,12 @@ pub(super) fn page(edge: &Edge) -> String {
 }
 
 fn frames(page: &mut Page, service: &Service) {
-    let FrameCounts { received, integrated, dropped, rejected, waiting } = service.frame_counts();
+    let FrameCounts { received, integrated, dropped, rejected, waiting, lost } =
+        service.frame_counts();
     page.counter("orenx_frames_received_total", "Frames that came.", received);
     page.counter("orenx_frames_integrated_total", "Frames that are in the map.", integrated);
+    let help = "Frames that were sent over Zenoh and never came, by the gaps in their numbers.";
+    page.counter("orenx_frames_lost_total", help, lost);
     for (name, help, counts) in [
         ("orenx_frames_dropped_total", "Good frames that gave way.", dropped),
         ("orenx_frames_rejected_total", "Frames that were refused.", rejected),
@@ -96,6 +100,9 @@ fn requests(page: &mut Page, edge: &Edge) {
     for (call, code, count) in edge.calls.get().map(|calls| calls.read()).unwrap_or_default() {
         page.sample(name, &[("rpc", call), ("code", code)], count);
     }
+    if let Some(tally) = edge.zenoh.get() {
+        zenoh(page, tally);
+    }
     let all = edge.requests.read();
     let name = "orenx_http_requests_total";
     page.family(name, "counter", "Answered requests; the clients of 499 left before.");
@@ -109,6 +116,18 @@ fn requests(page: &mut Page, edge: &Edge) {
     page.family(name, "histogram", "From a request's headers to its answer's.");
     for route in all.iter().filter(|route| route.times.count() > 0) {
         page.histogram(name, &[("route", route.route)], &route.times);
+    }
+}
+
+fn zenoh(page: &mut Page, tally: &Tally) {
+    page.gauge("orenx_zenoh_joined", "Whether Zenoh is served.", tally.is_joined() as u8);
+    page.counter("orenx_zenoh_frames_total", "Frames that came over Zenoh.", tally.frames.frames());
+    let help = "Acks that were not said: nobody took them as fast as they came.";
+    page.counter("orenx_zenoh_acks_dropped_total", help, tally.frames.acks_dropped());
+    let name = "orenx_zenoh_queries_total";
+    page.family(name, "counter", "Questions over Zenoh.");
+    for (verb, code, count) in tally.questions() {
+        page.sample(name, &[("verb", verb), ("code", code)], count);
     }
 }
 

@@ -36,6 +36,7 @@ use tokio::sync::Semaphore;
 pub(crate) use self::found::Found;
 
 use super::calls::Calls;
+use super::zenoh::Tally;
 use crate::error::Error;
 use crate::service::Service;
 use limits::Limits;
@@ -51,6 +52,8 @@ struct Edge {
     service: OnceLock<Arc<Service>>,
     /// What came over gRPC, for the metrics.
     calls: OnceLock<Arc<Calls>>,
+    /// The same over Zenoh, where it is spoken.
+    zenoh: OnceLock<Arc<Tally>>,
     /// Why the server is not ready any more.
     stopping: OnceLock<String>,
     limits: Limits,
@@ -66,6 +69,7 @@ impl Edge {
         Self {
             service: OnceLock::new(),
             calls: OnceLock::new(),
+            zenoh: OnceLock::new(),
             stopping: OnceLock::new(),
             places: Semaphore::new(limits.requests),
             memory: body::memory(&limits),
@@ -76,8 +80,11 @@ impl Edge {
     }
 
     /// The map is loaded. It is loaded once.
-    fn serve(&self, service: Arc<Service>, calls: Arc<Calls>) {
+    fn serve(&self, service: Arc<Service>, calls: Arc<Calls>, zenoh: Option<Arc<Tally>>) {
         let _ = self.calls.set(calls);
+        if let Some(tally) = zenoh {
+            let _ = self.zenoh.set(tally);
+        }
         let _ = self.service.set(service);
     }
 

@@ -24,7 +24,7 @@ async fn open(change: impl FnOnce(&mut Limits)) -> (Door, Engine) {
     change(&mut limits);
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
     let door = Door::within(listener, limits).expect("open");
-    door.serve(service, Arc::default());
+    door.serve(service, Arc::default(), None);
     (door, engine)
 }
 

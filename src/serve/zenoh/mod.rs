@@ -1,0 +1,73 @@
+//! The server on Zenoh, from its first connection to its way down: frames in, questions answered, the
+//! state of the map said again and again, and a token that lives as long as all of it.
+
+mod questions;
+mod status;
+mod tally;
+mod verbs;
+
+use std::sync::Arc;
+
+use tokio::sync::watch;
+
+use crate::bus::{Bus, Joining, bus_error};
+use crate::error::Result;
+use crate::ingest::FrameSubscriber;
+use crate::service::{DEFAULT_MAP, Service};
+use questions::Questions;
+use status::say_status;
+pub(super) use tally::Tally;
+
+/// Serves until `closing` turns true. A failure is told and counted out: the server's other transports
+/// go on.
+pub(super) async fn serve(
+    joining: Joining,
+    service: Arc<Service>,
+    tally: Arc<Tally>,
+    mut closing: watch::Receiver<bool>,
+) {
+    let joined = tokio::select! {
+        joined = joining.joined() => joined,
+        () = closed(&mut closing) => return,
+    };
+    let served = async {
+        let bus = joined?;
+        let served = serve_on(&bus, &service, &tally, &mut closing).await;
+        tally.leave();
+        bus.close().await;
+        served
+    };
+    if let Err(error) = served.await {
+        tracing::error!("no Zenoh: {error}");
+    }
+}
+
+async fn serve_on(
+    bus: &Bus,
+    service: &Arc<Service>,
+    tally: &Arc<Tally>,
+    closing: &mut watch::Receiver<bool>,
+) -> Result<()> {
+    let frames = FrameSubscriber::declare(bus, service, DEFAULT_MAP, &tally.frames).await?;
+    let questions = Questions::declare(bus, service, DEFAULT_MAP, tally).await?;
+    // Last of all: who sees it may ask.
+    let key = bus.keys().alive(DEFAULT_MAP, &bus.id());
+    let token = bus.session().liveliness().declare_token(&key).await;
+    let token = token.map_err(|e| bus_error(&key, &e))?;
+    tally.join();
+    let said = tokio::select! {
+        said = say_status(bus, service, DEFAULT_MAP) => said,
+        () = closed(closing) => Ok(()),
+    };
+    if let Err(error) = token.undeclare().await {
+        tracing::debug!("{key}: {error}");
+    }
+    frames.close().await;
+    questions.close().await;
+    said
+}
+
+/// Waits until the server closes. An error means that it is gone, and everything with it.
+async fn closed(closing: &mut watch::Receiver<bool>) {
+    let _ = closing.wait_for(|closing| *closing).await;
+}
