@@ -7,6 +7,7 @@ mod bus;
 mod encoder;
 mod language;
 mod layers;
+mod ros2;
 mod server;
 mod stored;
 
@@ -17,6 +18,7 @@ use crate::error::{Error, Result};
 pub use bus::{BusConfig, BusMode, BusSettings, FrameLimits, check_chunk};
 pub use encoder::{EncoderKind, EncoderSettings};
 pub use language::{CodeForm, DictionaryKind, LanguageConfig, MAX_ATOMS};
+pub use ros2::{Bridge, Ros2Config, Ros2Outputs, Ros2Settings};
 pub use server::{
     DEFAULT_FILE, GpuSettings, ServerConfig, ServerSettings, Settings, StorageSettings,
 };

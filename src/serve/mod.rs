@@ -5,6 +5,7 @@ mod deadline;
 mod grpc;
 mod http;
 mod listeners;
+mod ros2;
 mod run;
 mod stream;
 mod zenoh;

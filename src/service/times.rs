@@ -25,10 +25,14 @@ pub enum Call {
     ZenohQueryText,
     ZenohQueryEmbedding,
     ZenohClassify,
+    Ros2Grid,
+    Ros2Cloud,
+    Ros2Render,
+    Ros2Text,
 }
 
 impl Call {
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 21] = [
         Self::GrpcQueryPoints,
         Self::GrpcStreamQuery,
         Self::GrpcRender,
@@ -46,6 +50,10 @@ impl Call {
         Self::ZenohQueryText,
         Self::ZenohQueryEmbedding,
         Self::ZenohClassify,
+        Self::Ros2Grid,
+        Self::Ros2Cloud,
+        Self::Ros2Render,
+        Self::Ros2Text,
     ];
 
     /// The names of the transport and of the verb.
@@ -68,6 +76,10 @@ impl Call {
             Self::ZenohQueryText => ("zenoh", "query_text"),
             Self::ZenohQueryEmbedding => ("zenoh", "query_embedding"),
             Self::ZenohClassify => ("zenoh", "classify"),
+            Self::Ros2Grid => ("ros2", "grid"),
+            Self::Ros2Cloud => ("ros2", "cloud"),
+            Self::Ros2Render => ("ros2", "render"),
+            Self::Ros2Text => ("ros2", "query_text"),
         }
     }
 }

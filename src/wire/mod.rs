@@ -16,6 +16,7 @@ mod language;
 mod maps;
 mod query;
 mod render;
+pub mod ros2;
 mod status;
 
 pub use codec::{Messages, read_message};
