@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::frame::Contract;
 use crate::geometry::Aabb;
 use crate::map::{
-    CHUNK_POINTS, Camera, Channels, Encoding, MapView, Match, Output, RenderSettings, Scorer,
+    CHUNK_POINTS, Camera, Channels, Encoding, Findings, MapView, Output, RenderSettings, Scorer,
     query_pool, render_with,
 };
 use crate::modality::language::NEGATIVES;
@@ -78,7 +78,7 @@ impl Answerer {
     }
 
     /// The things that fit, best first.
-    pub(super) fn find(&self, question: &FindQuestion) -> Result<Vec<Match>> {
+    pub(super) fn find(&self, question: &FindQuestion) -> Result<Findings> {
         match &self.source {
             Source::View { view, .. } => {
                 let settings = question.settings()?;
@@ -86,7 +86,7 @@ impl Answerer {
                 view.find(&scorer, &settings, &|| false).ok_or_else(not_asked_to_stop)
             }
             Source::Server { client, runtime } => {
-                Ok(runtime.block_on(client.find(question))?.matches)
+                Ok(runtime.block_on(client.find(question))?.findings)
             }
         }
     }

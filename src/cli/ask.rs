@@ -3,7 +3,7 @@
 mod picture;
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
@@ -16,7 +16,8 @@ use super::encoder::EncoderArgs;
 use super::render::Size;
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Intrinsics, Pose};
-use crate::map::{Camera, Match};
+use crate::map::{Camera, Findings, Match, Places};
+use crate::numpy::ArchiveWriter;
 use crate::serve::Found;
 use crate::service::{FindQuestion, Sought};
 use crate::storage::write_file;
@@ -63,6 +64,9 @@ pub struct AskArgs {
     /// Draw the map from above, with what fits in warm colors and a box around each match
     #[arg(long, value_name = "FILE.png")]
     pub top_view: Option<PathBuf>,
+    /// Write every place that fits: points, (N, 3), and score; with --min-score -1 the whole map
+    #[arg(long, value_name = "FILE.npz")]
+    pub places: Option<PathBuf>,
     /// Of the images
     #[arg(long, value_name = "WxH", default_value = "640x480")]
     pub size: Size,
@@ -73,13 +77,16 @@ impl AskArgs {
         let answerer = Answerer::open(&self.map, &self.encoder)?;
         let start = Instant::now();
         let question = self.question(&answerer)?;
-        let matches = answerer.find(&question)?;
+        let Findings { matches, places } = answerer.find(&question)?;
         let milliseconds = start.elapsed().as_secs_f64() * 1e3;
         let mut out = std::io::stdout();
         if self.json {
             writeln!(out, "{}", as_json(&matches, milliseconds)?)?;
         } else {
             write!(out, "{}", as_table(&matches, milliseconds))?;
+        }
+        if let Some(path) = &self.places {
+            write_places(path, &places)?;
         }
         if self.heat.is_some() || self.top_view.is_some() {
             self.draw(&answerer, &question, &matches)?;
@@ -97,6 +104,7 @@ impl AskArgs {
         Ok(FindQuestion {
             top_k: self.top as usize,
             min_score: self.min_score,
+            places: self.places.is_some(),
             ..FindQuestion::new(answerer.sought(words, "prompts")?)
         })
     }
@@ -165,6 +173,16 @@ impl AskArgs {
 fn beside(found: &Match) -> Pose {
     let middle = found.centroid.as_dvec3();
     Pose::looking_at(middle + BESIDE, middle, DVec3::Z)
+}
+
+fn write_places(path: &Path, places: &Places) -> Result<()> {
+    let points: &[f32] = bytemuck::cast_slice(&places.points);
+    write_file(path, |file| {
+        let mut archive = ArchiveWriter::new(file);
+        archive.add("points", &[places.points.len(), 3], points)?;
+        archive.add("score", &[places.scores.len()], &places.scores)?;
+        archive.finish().map(drop)
+    })
 }
 
 /// What `--json` prints.

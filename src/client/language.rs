@@ -9,12 +9,16 @@ use serde_json::{Value, json};
 use super::HttpClient;
 use crate::error::{Error, Result};
 use crate::geometry::Pose;
-use crate::map::{Match, OrientedBox};
+use crate::map::{Findings, Match, OrientedBox, Places};
 use crate::service::{ClassifyQuestion, ClassifyReply, FindQuestion, FindReply, Sought};
 
 #[derive(Deserialize)]
 struct Answer {
     matches: Vec<Found>,
+    #[serde(default)]
+    places_m: Vec<Vec3>,
+    #[serde(default)]
+    place_score: Vec<f32>,
     encoder_id: String,
     epoch: u64,
     newest_stamp_ns: i64,
@@ -62,7 +66,10 @@ impl HttpClient {
         let path = format!("/v1/maps/{}/query/{verb}", question.map_id);
         let answer: Answer = read(&self.post_json(&path, body.to_string()).await?)?;
         Ok(FindReply {
-            matches: answer.matches.into_iter().map(Match::from).collect(),
+            findings: Findings {
+                matches: answer.matches.into_iter().map(Match::from).collect(),
+                places: Places { points: answer.places_m, scores: answer.place_score },
+            },
             encoder_id: answer.encoder_id,
             epoch: answer.epoch,
             newest_stamp_ns: answer.newest_stamp_ns,
@@ -105,6 +112,7 @@ fn find_request(question: &FindQuestion) -> (&'static str, Value) {
     body["region"] = json!(region);
     body["min_score"] = json!(question.min_score);
     body["top_k"] = json!(question.top_k);
+    body["places"] = json!(question.places);
     body["min_epoch"] = json!(question.min_epoch);
     body["max_age_ms"] = json!(max_age_ms(question.max_age));
     (verb, body)

@@ -126,7 +126,8 @@ impl Client {
 
     /// The things in a map that fit what is sought.
     pub async fn find(&self, question: &FindQuestion) -> Result<FindReply> {
-        let mut client = LanguageClient::new(self.channel.clone());
+        let mut client =
+            LanguageClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES);
         let reply = match find_question_to_wire(question) {
             FindRequest::Text(message) => client.query_text(message).await,
             FindRequest::Embedding(message) => client.query_embedding(message).await,

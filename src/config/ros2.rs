@@ -235,6 +235,7 @@ fn invalid(key: &str, problem: impl Into<String>) -> Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::{ServerConfig, Settings};
 
     fn checked(change: impl FnOnce(&mut Ros2Settings)) -> Result<Option<Ros2Config>> {
         let mut settings = Ros2Settings { bridge: "dds-bridge".into(), ..Ros2Settings::default() };
@@ -251,6 +252,20 @@ mod tests {
         assert_eq!(config.tolerance, Duration::from_millis(20));
         let config = checked(|s| s.bridge = "rmw-zenoh".into()).expect("good").expect("on");
         assert_eq!(config.bridge, Bridge::Rmw { domain: 0, has_hashes: true });
+    }
+
+    #[test]
+    fn the_example_is_a_good_one() {
+        let text = include_str!("../../deploy/ros2/realsense.toml");
+        let mut settings = Settings::parse(text, "realsense.toml").expect("it parses");
+        settings.bus.connect = vec!["tcp/robot:7447".into()];
+        let (config, _) = ServerConfig::from_settings(&settings).expect("good");
+        let ros2 = config.ros2.expect("on");
+        assert_eq!((ros2.rectified, ros2.pose), (false, None));
+        assert!(ros2.color.is_some_and(|topic| topic.contains("color")));
+        settings.bus.connect.clear();
+        let error = ServerConfig::from_settings(&settings).expect_err("without Zenoh").to_string();
+        assert!(error.starts_with("ros2.bridge: needs Zenoh"), "{error}");
     }
 
     #[test]

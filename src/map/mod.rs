@@ -19,7 +19,9 @@ mod trainer;
 mod view;
 
 pub use codes::ViewCodesState;
-pub use language::{FindSettings, LanguageCounts, Match, OrientedBox, Scorer, Viewpoint};
+pub use language::{
+    FindSettings, Findings, LanguageCounts, Match, OrientedBox, Places, Scorer, Viewpoint,
+};
 pub use mapper::{FrameOutcome, MapStats, Mapper};
 pub use mesh::{TriangleMesh, default_resolution_m, extract_mesh};
 pub use parallel::{CHUNK_POINTS, PointQuery, query_parallel, query_pool};

@@ -10,7 +10,7 @@ use super::{DEFAULT_MAP, Service};
 use crate::error::{Error, Result};
 use crate::frame::Contract;
 use crate::geometry::Aabb;
-use crate::map::{FindSettings, Match};
+use crate::map::{FindSettings, Findings};
 
 /// Matches of an answer at most.
 pub const MAX_MATCHES: usize = 1000;
@@ -36,15 +36,17 @@ pub struct FindQuestion {
     pub min_score: Option<f32>,
     /// Matches at most; 0: the usual number.
     pub top_k: usize,
+    /// Whether every place that counts is wanted too, with its score.
+    pub places: bool,
     /// As in [`super::PointsQuestion`].
     pub min_epoch: u64,
     pub max_age: Option<Duration>,
 }
 
-/// The answer: all of it from one epoch, best first.
+/// The answer: all of it from one epoch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FindReply {
-    pub matches: Vec<Match>,
+    pub findings: Findings,
     pub encoder_id: String,
     pub epoch: u64,
     pub newest_stamp_ns: i64,
@@ -99,6 +101,7 @@ impl FindQuestion {
             region: None,
             min_score: None,
             top_k: 0,
+            places: false,
             min_epoch: 0,
             max_age: None,
         }
@@ -128,8 +131,19 @@ impl FindQuestion {
             return Err(Error::invalid("top_k", problem));
         }
         let top_k = if self.top_k == 0 { MATCHES } else { self.top_k };
-        Ok(FindSettings { region: self.region, min_score, top_k })
+        Ok(FindSettings { region: self.region, min_score, top_k, places: self.places })
     }
+}
+
+/// Refuses to answer with more places than a question may have points.
+pub(super) fn check_places(places: usize, max_points: usize) -> Result<()> {
+    if places <= max_points {
+        return Ok(());
+    }
+    Err(Error::ResourceExhausted {
+        what: format!("{places} places; ask within a region, or for a larger min_score"),
+        limit: format!("{max_points} an answer (server.max_points)"),
+    })
 }
 
 impl ClassifyQuestion {

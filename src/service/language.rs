@@ -3,7 +3,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::find::{ClassifyQuestion, ClassifyReply, FindQuestion, FindReply, MAX_CLASSES};
+use super::find::{
+    ClassifyQuestion, ClassifyReply, FindQuestion, FindReply, MAX_CLASSES, check_places,
+};
 use super::question::demand;
 use super::sought::{MAX_PROMPTS, Names, contract};
 use super::tasks::{ClassifyTask, FindTask};
@@ -61,10 +63,11 @@ impl Service {
         let scorer = self.words.scorer(&view, question.sought, Names::of(""), MAX_PROMPTS).await?;
         let encoder_id = contract(&view)?.encoder_id.to_string();
         let (epoch, newest_stamp_ns) = (view.epoch(), view.newest_stamp_ns());
-        let (matches, queued) = self.readers.answer(FindTask { view, scorer, settings }).await?;
+        let (findings, queued) = self.readers.answer(FindTask { view, scorer, settings }).await?;
+        check_places(findings.places.points.len(), self.max_points)?;
         let spent = started.elapsed();
         self.times.observe(call, queued, spent);
-        Ok(FindReply { matches, encoder_id, epoch, newest_stamp_ns, spent })
+        Ok(FindReply { findings, encoder_id, epoch, newest_stamp_ns, spent })
     }
 
     /// The class of each point in the newest view; otherwise as [`Service::find`].

@@ -6,7 +6,7 @@ use glam::Vec3;
 
 use super::question::Fill;
 use crate::error::{Error, Result};
-use crate::map::{Fields, FindSettings, MapView, Match, PointAnswers, Scorer};
+use crate::map::{Fields, FindSettings, Findings, MapView, PointAnswers, Scorer};
 
 /// Points evaluated between two looks at cancellation and at other questions, about a millisecond.
 pub(super) const CHUNK: usize = 4096;
@@ -77,8 +77,8 @@ pub(super) struct FindTask {
 }
 
 impl Task for FindTask {
-    type Part = Vec<Match>;
-    type Answer = Vec<Match>;
+    type Part = Findings;
+    type Answer = Findings;
 
     /// More than what is answered in place: it is looked through from end to end.
     fn size(&self) -> usize {
@@ -89,13 +89,13 @@ impl Task for FindTask {
         1
     }
 
-    fn part(&self, _chunk: usize, is_left: &(dyn Fn() -> bool + Sync)) -> Result<Vec<Match>> {
+    fn part(&self, _chunk: usize, is_left: &(dyn Fn() -> bool + Sync)) -> Result<Findings> {
         let left = || Error::Unavailable("nobody waits for this answer any more".into());
         self.view.find(&self.scorer, &self.settings, is_left).ok_or_else(left)
     }
 
-    fn whole(&self, parts: Vec<Vec<Match>>) -> Vec<Match> {
-        parts.concat()
+    fn whole(&self, mut parts: Vec<Findings>) -> Findings {
+        parts.pop().unwrap_or_default()
     }
 }
 

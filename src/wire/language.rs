@@ -9,7 +9,7 @@ use super::v1;
 use crate::error::{Error, Result};
 use crate::frame::Contract;
 use crate::geometry::{Aabb, Pose};
-use crate::map::{Match, OrientedBox};
+use crate::map::{Findings, Match, OrientedBox, Places};
 use crate::service::{
     ClassifyQuestion, ClassifyReply, Encoders, FindQuestion, FindReply, Sought, points_of,
 };
@@ -93,6 +93,7 @@ impl TryFrom<v1::QueryTextRequest> for FindQuestion {
             region: region_from_wire(message.region)?,
             min_score: message.min_score,
             top_k: message.top_k as usize,
+            places: message.places,
             map_id: message.map_id,
             min_epoch: message.min_epoch,
             max_age: max_age_from_wire(message.max_age_ms),
@@ -113,6 +114,7 @@ impl TryFrom<v1::QueryEmbeddingRequest> for FindQuestion {
             region: region_from_wire(message.region)?,
             min_score: message.min_score,
             top_k: message.top_k as usize,
+            places: message.places,
             map_id: message.map_id,
             min_epoch: message.min_epoch,
             max_age: max_age_from_wire(message.max_age_ms),
@@ -130,7 +132,8 @@ pub enum FindRequest {
 pub fn find_question_to_wire(question: &FindQuestion) -> FindRequest {
     let (map_id, min_epoch) = (question.map_id.clone(), question.min_epoch);
     let (region, min_score) = (question.region.as_ref().map(region_to_wire), question.min_score);
-    let (top_k, max_age_ms) = (question.top_k as u32, max_age_to_wire(question.max_age));
+    let (top_k, places) = (question.top_k as u32, question.places);
+    let max_age_ms = max_age_to_wire(question.max_age);
     match &question.sought {
         Sought::Words { prompts, negatives } => FindRequest::Text(v1::QueryTextRequest {
             map_id,
@@ -142,6 +145,7 @@ pub fn find_question_to_wire(question: &FindQuestion) -> FindRequest {
             top_k,
             min_epoch,
             max_age_ms,
+            places,
         }),
         Sought::Embeddings { encoder_id, prompts, negatives } => {
             FindRequest::Embedding(v1::QueryEmbeddingRequest {
@@ -154,6 +158,7 @@ pub fn find_question_to_wire(question: &FindQuestion) -> FindRequest {
                 top_k,
                 min_epoch,
                 max_age_ms,
+                places,
             })
         }
     }
@@ -192,8 +197,11 @@ fn vector_from_wire(p: Option<v1::Vector3>) -> Vec3 {
 
 /// The message of an answer.
 pub fn find_reply_to_wire(reply: FindReply) -> v1::QueryTextReply {
+    let Findings { matches, places } = reply.findings;
     v1::QueryTextReply {
-        matches: reply.matches.iter().map(match_to_wire).collect(),
+        matches: matches.iter().map(match_to_wire).collect(),
+        places_m: bytemuck::allocation::cast_vec(places.points),
+        place_score: places.scores,
         encoder_id: reply.encoder_id,
         epoch: reply.epoch,
         newest_stamp_ns: reply.newest_stamp_ns,
@@ -221,8 +229,12 @@ fn match_to_wire(found: &Match) -> v1::Match {
 
 impl From<v1::QueryTextReply> for FindReply {
     fn from(message: v1::QueryTextReply) -> Self {
+        let points = message.places_m.chunks_exact(3).map(Vec3::from_slice).collect();
         Self {
-            matches: message.matches.into_iter().map(match_from_wire).collect(),
+            findings: Findings {
+                matches: message.matches.into_iter().map(match_from_wire).collect(),
+                places: Places { points, scores: message.place_score },
+            },
             encoder_id: message.encoder_id,
             epoch: message.epoch,
             newest_stamp_ns: message.newest_stamp_ns,
@@ -372,7 +384,7 @@ mod tests {
             sought in sought(),
             region in prop::option::of(prop::array::uniform6(-1e6f32..1e6)),
             min_score in prop::option::of(-2f32..2.0),
-            top_k in 0usize..2000,
+            (top_k, places) in (0usize..2000, any::<bool>()),
             (min_epoch, max_age_ms) in (any::<u64>(), prop::option::of(1..u64::MAX)),
         ) -> FindQuestion {
             FindQuestion {
@@ -383,6 +395,7 @@ mod tests {
                 }),
                 min_score,
                 top_k,
+                places,
                 min_epoch,
                 max_age: max_age_ms.map(Duration::from_millis),
             }
@@ -453,7 +466,10 @@ mod tests {
         };
         let unseen = Match { id: 4, best_view: None, ..found.clone() };
         let reply = FindReply {
-            matches: vec![found, unseen],
+            findings: Findings {
+                matches: vec![found, unseen],
+                places: Places { points: vec![Vec3::X, Vec3::Z], scores: vec![0.25, -0.5] },
+            },
             encoder_id: "clip".into(),
             epoch: 4,
             newest_stamp_ns: -5,

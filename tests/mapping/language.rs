@@ -67,8 +67,8 @@ fn seen(frame: &Frame, at: Vec3) -> (Vec<Vec3>, Vec<i32>) {
 
 fn find(view: &MapView) -> Vec<Match> {
     let scorer = view.scorer(&[direction(1)], &[direction(0), direction(2)]).unwrap();
-    let settings = FindSettings { region: None, min_score: 0.5, top_k: 5 };
-    view.find(&scorer, &settings, &|| false).unwrap()
+    let settings = FindSettings { region: None, min_score: 0.5, top_k: 5, places: false };
+    view.find(&scorer, &settings, &|| false).unwrap().matches
 }
 
 fn mapped(config: MapConfig, data: &Synthetic, frames: std::ops::Range<usize>) -> Mapper {

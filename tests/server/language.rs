@@ -165,12 +165,12 @@ async fn things_are_found_in_words_and_in_numbers_over_both_transports() {
     let http = HttpClient::new(&format!("http://{}", server.http)).unwrap();
     let asked = FindQuestion { top_k: 3, ..FindQuestion::new(Sought::words(&["seat"])) };
     let found = server.client.find(&asked).await.unwrap();
-    assert!(!found.matches.is_empty() && found.matches.len() <= 3);
+    assert!(!found.findings.matches.is_empty() && found.findings.matches.len() <= 3);
     let (id, prompts) = embedded(folder.path(), &["seat"]);
     assert_eq!((found.encoder_id.as_str(), found.epoch), (id.as_str(), 4));
-    assert!(found.matches.iter().all(|m| m.score >= 0.5 && m.voxels >= 4), "{found:?}");
-    assert!(found.matches.is_sorted_by(|a, b| a.score >= b.score));
-    let best = &found.matches[0];
+    assert!(found.findings.matches.iter().all(|m| m.score >= 0.5 && m.voxels >= 4), "{found:?}");
+    assert!(found.findings.matches.is_sorted_by(|a, b| a.score >= b.score));
+    let best = &found.findings.matches[0];
     assert!(best.best_view.is_some() && best.score > 0.9, "{best:?}");
 
     let (_, negatives) = embedded(folder.path(), &["object", "things", "stuff", "texture"]);
@@ -182,8 +182,8 @@ async fn things_are_found_in_words_and_in_numbers_over_both_transports() {
         http.find(&in_numbers).await.unwrap(),
     ] {
         assert_eq!(reply.epoch, found.epoch);
-        assert_eq!(reply.matches.len(), found.matches.len());
-        for (one, other) in reply.matches.iter().zip(&found.matches) {
+        assert_eq!(reply.findings.matches.len(), found.findings.matches.len());
+        for (one, other) in reply.findings.matches.iter().zip(&found.findings.matches) {
             assert_eq!(Match { best_view: other.best_view, ..one.clone() }, *other);
             // JSON rounds numbers of double precision in their last digit.
             let (one, other) = (one.best_view.unwrap(), other.best_view.unwrap());
@@ -194,9 +194,27 @@ async fn things_are_found_in_words_and_in_numbers_over_both_transports() {
 
     let region = Some(Aabb { min: best.centroid - 0.3, max: best.centroid + 0.3 });
     let near = server.client.find(&FindQuestion { region, ..asked.clone() }).await.unwrap();
-    assert!(near.matches.iter().all(|m| m.extent.max_element() <= 0.8), "{near:?}");
+    assert!(near.findings.matches.iter().all(|m| m.extent.max_element() <= 0.8), "{near:?}");
     let nowhere = FindQuestion { min_score: Some(1.0), ..asked };
-    assert!(server.client.find(&nowhere).await.unwrap().matches.is_empty());
+    assert!(server.client.find(&nowhere).await.unwrap().findings.matches.is_empty());
+    let least = -1.0;
+    let everywhere = FindQuestion { min_score: Some(least), places: true, ..nowhere };
+    let whole = server.client.find(&everywhere).await.unwrap().findings.places;
+    assert_eq!(http.find(&everywhere).await.unwrap().findings.places, whole);
+    let view = PointsQuestion {
+        fields: Fields { text_score: true, ..Fields::NONE },
+        text: Some(everywhere.sought.clone()),
+        ..PointsQuestion::new(whole.points.clone())
+    };
+    let there = server.client.ask(&view).await.unwrap().answers.text_score;
+    assert!(whole.points.len() > 100, "{}", whole.points.len());
+    for (place, (score, there)) in whole.points.iter().zip(whole.scores.iter().zip(there)) {
+        assert!(there.is_nan() || (score - there).abs() < 1e-5, "{place}: {score} and {there}");
+    }
+    let fitting = FindQuestion { min_score: Some(0.5), ..everywhere };
+    let fitting = server.client.find(&fitting).await.unwrap().findings.places;
+    let expected: Vec<f32> = whole.scores.iter().copied().filter(|s| *s >= 0.5).collect();
+    assert_eq!(fitting.scores, expected);
     server.stop().await.0.unwrap();
 }
 

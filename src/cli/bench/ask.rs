@@ -101,7 +101,7 @@ impl AskBenchArgs {
         let embedding = |class: usize| direction(class as u32, self.dimension as usize);
         let negatives: Vec<Vec<f32>> = (0..NEGATIVES.len()).map(|i| embedding(1000 + i)).collect();
         let scorer = |prompt: usize| view.scorer(&[embedding(prompt)], &negatives);
-        let settings = FindSettings { region: None, min_score: 0.5, top_k: 5 };
+        let settings = FindSettings { region: None, min_score: 0.5, top_k: 5, places: false };
         let find = |scorer: &Scorer| view.find(scorer, &settings, &|| false);
         let points = surface_points(frames);
         let score = Fields { text_score: true, distance: true, ..Fields::NONE };

@@ -27,7 +27,7 @@ pub(super) async fn check(client: &Client, room: &Synthetic, epoch: u64) -> anyh
         ..FindQuestion::new(Sought::words(&[QUESTION]))
     };
     let reply = client.find(&question).await?;
-    let Some(best) = reply.matches.first() else {
+    let Some(best) = reply.findings.matches.first() else {
         anyhow::bail!("\"{QUESTION}\" found nothing");
     };
     let seen = seen(room)?;

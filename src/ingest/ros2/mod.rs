@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use tokio::sync::{mpsc, watch};
-use tokio::task::JoinHandle;
+use tokio::task::JoinSet;
 use zenoh::bytes::ZBytes;
 
 use crate::bus::{RobotNode, TopicSubscriber};
@@ -22,7 +22,7 @@ use crate::map::Camera;
 use crate::service::Service;
 use crate::wire::MAX_MESSAGE_BYTES;
 use crate::wire::ros2::{
-    CameraInfo, CompressedImage, Header, Image, PoseStamped, TfMessage, Type,
+    Attachment, CameraInfo, CompressedImage, Header, Image, PoseStamped, TfMessage, Type,
     color_from_compressed, color_from_image, decode, depth_from_compressed, depth_from_image,
     intrinsics_from_info, pose_from_message, transform_from_message,
 };
@@ -38,10 +38,10 @@ const COMPRESSED: [&str; 2] = ["/compressed", "/compressedDepth"];
 /// Transforms of one message.
 const MAX_TRANSFORMS: usize = 1024;
 
-/// Takes frames until it is closed.
+/// Takes frames until dropped.
 pub struct RobotFrames {
-    topics: Vec<TopicSubscriber>,
-    pump: JoinHandle<()>,
+    _topics: Vec<TopicSubscriber>,
+    _pump: JoinSet<()>,
     camera: watch::Receiver<Option<Camera>>,
 }
 
@@ -49,6 +49,8 @@ pub struct RobotFrames {
 struct Arrival<K> {
     kind: K,
     payload: ZBytes,
+    /// What rmw_zenoh puts beside it.
+    attachment: Option<ZBytes>,
     arrived: Instant,
 }
 
@@ -111,21 +113,17 @@ impl RobotFrames {
             pose_child: config.camera_frame.clone().unwrap_or_default(),
             session: (0, service.session()),
             complaints,
+            last: None,
             seen,
         };
-        let pump = tokio::spawn(pump.run(incoming_pictures, incoming_small));
-        Ok(Self { topics, pump, camera })
+        let mut pumps = JoinSet::new();
+        pumps.spawn(pump.run(incoming_pictures, incoming_small));
+        Ok(Self { _topics: topics, _pump: pumps, camera })
     }
 
     /// From where the newest frame was seen.
     pub fn camera(&self) -> watch::Receiver<Option<Camera>> {
         self.camera.clone()
-    }
-
-    /// Takes no more frames.
-    pub fn close(self) {
-        drop(self.topics);
-        self.pump.abort();
     }
 }
 
@@ -161,7 +159,11 @@ fn queue<K: Copy + Send + Sync + 'static>(
         if payload.len() > MAX_MESSAGE_BYTES {
             let problem = format!("{} bytes; the limit is {MAX_MESSAGE_BYTES}", payload.len());
             complaints.note(sample.key_expr().as_str(), &problem);
-        } else if into.try_send(Arrival { kind, payload, arrived: Instant::now() }).is_err() {
+            return;
+        }
+        let attachment = sample.attachment().cloned();
+        let arrival = Arrival { kind, payload, attachment, arrived: Instant::now() };
+        if into.try_send(arrival).is_err() {
             complaints.note(sample.key_expr().as_str(), "messages come faster than they are read");
         }
     }
@@ -178,6 +180,8 @@ struct Pump {
     /// The run that frames are of, and its session.
     session: (u64, Session),
     complaints: Arc<Complaints>,
+    /// Of the last depth image.
+    last: Option<Attachment>,
     seen: watch::Sender<Option<Camera>>,
 }
 
@@ -195,7 +199,9 @@ impl Pump {
                     None => std::future::pending().await,
                 }
             };
+            // What says where and with which camera goes before what was seen.
             tokio::select! {
+                biased;
                 Some(message) = small.recv() => self.take_small(&message),
                 Some(picture) = pictures.recv() => self.take_picture(picture).await,
                 () = given_up => {}
@@ -246,6 +252,9 @@ impl Pump {
     async fn take_picture(&mut self, picture: Arrival<Picture>) {
         let arrived = picture.arrived;
         let is_color = matches!(picture.kind, Picture::Color { .. });
+        if let Some(attachment) = picture.attachment.as_ref().filter(|_| !is_color) {
+            self.follow(attachment);
+        }
         let decoding = tokio::task::spawn_blocking(move || read(&picture));
         let failed = |_| Err(Error::Internal("decoding this image failed".into()));
         match decoding.await.unwrap_or_else(failed) {
@@ -253,6 +262,17 @@ impl Pump {
             Ok(Decoded::Color(color)) => self.sync.take_color(color),
             Err(error) if is_color => self.complaints.note("a color image", &error.to_string()),
             Err(error) => self.refuse(error, arrived),
+        }
+    }
+
+    /// Counts depth images that were sent and never came, where their publisher numbers them.
+    fn follow(&mut self, attachment: &ZBytes) {
+        match Attachment::from_bytes(&attachment.to_bytes()) {
+            Ok(next) => {
+                let last = self.last.replace(next);
+                self.service.lose_frames(last.map_or(0, |last| next.lost_since(&last)));
+            }
+            Err(error) => self.complaints.note("an attachment", &error.to_string()),
         }
     }
 

@@ -28,6 +28,26 @@ pub struct FindSettings {
     pub min_score: f32,
     /// Things at most.
     pub top_k: usize,
+    /// Whether the places themselves are wanted too.
+    pub places: bool,
+}
+
+/// What fits a text in a whole map.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Findings {
+    /// Best first.
+    pub matches: Vec<Match>,
+    /// If they were wanted: every place that counts, whether it belongs to a match or not.
+    pub places: Places,
+}
+
+/// Vertices of codes, and how well they fit.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Places {
+    /// World metres.
+    pub points: Vec<Vec3>,
+    /// One a point.
+    pub scores: Vec<f32>,
 }
 
 /// A thing that fits a text.
@@ -54,15 +74,26 @@ struct Fit {
     score: f32,
 }
 
+impl Fit {
+    fn point(&self, spacing_m: f32) -> Vec3 {
+        place(self.lattice, spacing_m)
+    }
+}
+
+/// Where a vertex is, world metres.
+fn place(lattice: [i32; 3], spacing_m: f32) -> Vec3 {
+    Vec3::from(lattice.map(|c| c as f32)) * spacing_m
+}
+
 impl MapView {
-    /// Connected groups of vertices that score at least `min_score`, best first; `None` if
-    /// `interrupted`.
+    /// The vertices that score at least `min_score`, and the connected groups of them, best first;
+    /// `None` if `interrupted`.
     pub fn find(
         &self,
         scorer: &Scorer,
         settings: &FindSettings,
         interrupted: &(dyn Fn() -> bool + Sync),
-    ) -> Option<Vec<Match>> {
+    ) -> Option<Findings> {
         let spacing = self.store.codes.scale().spacing_m();
         let (fits, usual) = self.fitting(scorer, settings, interrupted)?;
         let mut things: Vec<(f32, Vec<u32>)> = grow(&fits, settings.min_score, usual)
@@ -78,8 +109,8 @@ impl MapView {
             if interrupted() {
                 return None;
             }
-            let at = |i: &u32| Vec3::from(fits[*i as usize].lattice.map(|c| c as f32)) * spacing;
-            let points: Vec<Vec3> = thing.iter().map(at).collect();
+            let points: Vec<Vec3> =
+                thing.iter().map(|i| fits[*i as usize].point(spacing)).collect();
             let (mut low, mut high) = (Vec3::MAX, Vec3::MIN);
             points.iter().for_each(|p| (low, high) = (low.min(*p), high.max(*p)));
             matches.push(Match {
@@ -92,7 +123,12 @@ impl MapView {
                 best_view: viewpoint::best(self, &points),
             });
         }
-        Some(matches)
+        let wanted = if settings.places { &fits[..] } else { &[] };
+        let places = Places {
+            points: wanted.iter().map(|fit| fit.point(spacing)).collect(),
+            scores: wanted.iter().map(|fit| fit.score).collect(),
+        };
+        Some(Findings { matches, places })
     }
 
     /// The vertices that fit, near surfaces that are still there, and the median score of all.
@@ -109,7 +145,7 @@ impl MapView {
             if i % SCORED == 0 && interrupted() {
                 return None;
             }
-            let point = Vec3::from(vertex.lattice.map(|c| c as f32)) * spacing;
+            let point = place(vertex.lattice, spacing);
             if settings.region.is_some_and(|region| !region.contains(point)) {
                 continue;
             }

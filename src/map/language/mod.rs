@@ -15,7 +15,7 @@ use crate::frame::Contract;
 use crate::octree::Lookup;
 
 pub use boxes::OrientedBox;
-pub use find::{FindSettings, Match};
+pub use find::{FindSettings, Findings, Match, Places};
 pub use scorer::Scorer;
 pub use viewpoint::Viewpoint;
 

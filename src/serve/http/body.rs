@@ -62,6 +62,11 @@ impl Share {
         Self { memory: memory.clone(), held: None, bytes: 0 }
     }
 
+    /// Makes room for `bytes` in all, if there is not as much already.
+    pub(super) fn grow_to(&mut self, bytes: usize) -> Result<(), Refusal> {
+        if bytes > self.bytes { self.grow(bytes) } else { Ok(()) }
+    }
+
     /// Makes room for `bytes` in all, or refuses: whoever waited would hold what others wait for.
     pub(super) fn grow(&mut self, bytes: usize) -> Result<(), Refusal> {
         let units = bytes.div_ceil(UNIT_BYTES) - self.bytes.div_ceil(UNIT_BYTES);

@@ -6,13 +6,20 @@ use utoipa::ToSchema;
 
 use super::schemas;
 use crate::geometry::Pose;
-use crate::map::Match;
+use crate::map::{Findings, Match};
 use crate::service::FindReply;
 
 #[derive(Debug, Serialize, ToSchema)]
 pub(super) struct TextAnswer {
     /// Best first.
     matches: Vec<Found>,
+    /// If they were asked for: every place (vertex of codes) that counts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(schema_with = schemas::points, required = false)]
+    places_m: Option<Vec<Vec3>>,
+    /// The score of each place.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    place_score: Option<Vec<f32>>,
     /// The encoder of the map.
     encoder_id: String,
     /// The epoch that answered.
@@ -64,10 +71,14 @@ struct View {
     rotation: [f64; 4],
 }
 
-impl From<FindReply> for TextAnswer {
-    fn from(reply: FindReply) -> Self {
+impl TextAnswer {
+    /// `places`: whether they were asked for.
+    pub(super) fn new(reply: FindReply, places: bool) -> Self {
+        let Findings { matches, places: found } = reply.findings;
         Self {
-            matches: reply.matches.iter().map(Found::from).collect(),
+            matches: matches.iter().map(Found::from).collect(),
+            places_m: places.then_some(found.points),
+            place_score: places.then_some(found.scores),
             encoder_id: reply.encoder_id,
             epoch: reply.epoch,
             newest_stamp_ns: reply.newest_stamp_ns,

@@ -32,6 +32,8 @@ const WORDS_BYTES: usize = 1 << 20;
 const EMBEDDINGS_BYTES: usize = 16 << 20;
 /// About what a class takes in a JSON answer, bytes.
 const CLASS_BYTES: usize = 24;
+/// And what a place with its score takes.
+const PLACE_BYTES: usize = 48;
 
 /// What places are compared with: words, or embeddings of the map's encoder. Scores are relevancies,
 /// within 0..1, where there are negatives, and cosines where there are none. Of several prompts the best
@@ -85,6 +87,8 @@ pub(super) struct TextRequest {
     #[serde(default, deserialize_with = "whole")]
     #[schema(schema_with = schemas::top_k)]
     top_k: Option<u64>,
+    /// Answer every place that counts too, with its score; with a `min_score` of -1 the whole map.
+    places: Option<bool>,
     #[serde(default, deserialize_with = "whole")]
     #[schema(schema_with = schemas::min_epoch)]
     min_epoch: Option<u64>,
@@ -108,6 +112,8 @@ pub(super) struct EmbeddingRequest {
     #[serde(default, deserialize_with = "whole")]
     #[schema(schema_with = schemas::top_k)]
     top_k: Option<u64>,
+    /// Answer every place that counts too, with its score; with a `min_score` of -1 the whole map.
+    places: Option<bool>,
     #[serde(default, deserialize_with = "whole")]
     #[schema(schema_with = schemas::min_epoch)]
     min_epoch: Option<u64>,
@@ -203,7 +209,7 @@ pub(super) async fn text(
     let most = Most { bytes: WORDS_BYTES, what: "words".into() };
     let (asked, share) = read::<TextRequest>(&edge, &map_id, request, most).await?;
     let sought = Sought::Words { prompts: asked.prompts, negatives: asked.negatives };
-    let settings = (asked.region, asked.min_score, asked.top_k);
+    let settings = (asked.region, asked.min_score, asked.top_k, asked.places);
     let newness = (asked.min_epoch, asked.max_age_ms);
     let question = question(map_id, sought, settings, newness)?;
     answer(&edge, question, Call::HttpQueryText, share).await
@@ -226,7 +232,7 @@ pub(super) async fn embedding(
         prompts: asked.prompts,
         negatives: asked.negatives.unwrap_or_default(),
     };
-    let settings = (asked.region, asked.min_score, asked.top_k);
+    let settings = (asked.region, asked.min_score, asked.top_k, asked.places);
     let newness = (asked.min_epoch, asked.max_age_ms);
     let question = question(map_id, sought, settings, newness)?;
     answer(&edge, question, Call::HttpQueryEmbedding, share).await
@@ -318,7 +324,7 @@ async fn read<T: DeserializeOwned + Send + 'static>(
 fn question(
     map_id: String,
     sought: Sought,
-    (region, min_score, top_k): (Option<Region>, Option<f32>, Option<u64>),
+    (region, min_score, top_k, places): (Option<Region>, Option<f32>, Option<u64>, Option<bool>),
     (min_epoch, max_age_ms): (Option<u64>, Option<u64>),
 ) -> Result<FindQuestion, Refusal> {
     check_integer("min_epoch", min_epoch)?;
@@ -328,6 +334,7 @@ fn question(
         region: region.map(|Region { min, max }| Aabb { min, max }),
         min_score,
         top_k: top_k.unwrap_or_default() as usize,
+        places: places.unwrap_or_default(),
         min_epoch: min_epoch.unwrap_or_default(),
         max_age: max_age(max_age_ms),
         ..FindQuestion::new(sought)
@@ -342,10 +349,13 @@ async fn answer(
     edge: &Edge,
     question: FindQuestion,
     call: Call,
-    share: Share,
+    mut share: Share,
 ) -> Result<Response, Refusal> {
+    let places = question.places;
     let reply = edge.service()?.find(question, call).await?;
-    write(TextAnswer::from(reply), 0, share).await
+    let bytes = reply.findings.places.points.len() * PLACE_BYTES;
+    share.grow_to(bytes)?;
+    write(TextAnswer::new(reply, places), bytes, share).await
 }
 
 async fn write(

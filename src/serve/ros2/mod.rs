@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use tokio::sync::mpsc;
-use tokio::task::JoinHandle;
+use tokio::task::JoinSet;
 use tokio::time::MissedTickBehavior;
 
 use crate::bus::{Bus, RobotNode, TopicPublisher, TopicSubscriber};
@@ -27,10 +27,10 @@ const TEXTS: usize = 4;
 /// The longest text, bytes.
 const MAX_TEXT_BYTES: usize = 4096;
 
-/// Everything of ROS 2: frames in and topics out.
+/// Everything of ROS 2: frames in and topics out, until dropped.
 pub(super) struct Robot {
-    frames: RobotFrames,
-    tasks: Vec<JoinHandle<()>>,
+    _frames: RobotFrames,
+    _tasks: JoinSet<()>,
     _texts: Option<TopicSubscriber>,
     _node: RobotNode,
 }
@@ -66,11 +66,10 @@ impl Robot {
         };
         let out = &config.outputs;
         let frames = RobotFrames::declare(&node, config, service, map_id).await?;
-        let mut tasks = vec![
-            say_grids(&node, &source, out).await?,
-            say_clouds(&node, &source, out).await?,
-            say_pictures(&node, &source, out, &frames).await?,
-        ];
+        let mut tasks = JoinSet::new();
+        tasks.spawn(say_grids(&node, &source, out).await?);
+        tasks.spawn(say_clouds(&node, &source, out).await?);
+        tasks.spawn(say_pictures(&node, &source, out, &frames).await?);
         let mut texts = None;
         if let Some((text, matches)) = &out.text {
             let publisher = node.publish(matches, Type::POINT_CLOUD).await?;
@@ -85,14 +84,9 @@ impl Robot {
                 }
             });
             texts = Some(subscriber.await?);
-            tasks.push(tokio::spawn(say_matches(source.clone(), waiting, publisher)));
+            tasks.spawn(say_matches(source.clone(), waiting, publisher));
         }
-        Ok(Self { frames, tasks, _texts: texts, _node: node })
-    }
-
-    pub(super) fn close(self) {
-        self.frames.close();
-        self.tasks.iter().for_each(JoinHandle::abort);
+        Ok(Self { _frames: frames, _tasks: tasks, _texts: texts, _node: node })
     }
 }
 
@@ -130,12 +124,16 @@ async fn say(publisher: &TopicPublisher, message: Result<Vec<u8>>) {
     }
 }
 
-async fn say_grids(node: &RobotNode, source: &Source, out: &Ros2Outputs) -> Result<JoinHandle<()>> {
+async fn say_grids(
+    node: &RobotNode,
+    source: &Source,
+    out: &Ros2Outputs,
+) -> Result<impl Future<Output = ()> + Send + use<>> {
     let grid = publisher(node, out.grid.as_ref(), Type::OCCUPANCY_GRID).await?;
     let distance = publisher(node, out.distance.as_ref(), Type::DISTANCE_SLICE).await?;
     let band = Band { cell_m: out.cell_m, heights_m: out.band_m, radius_m: out.radius_m };
     let (mut clock, source) = (clock(out.grid_interval), source.clone());
-    Ok(tokio::spawn(async move {
+    Ok(async move {
         loop {
             clock.tick().await;
             let heard = (is_heard(grid.as_ref()).await, is_heard(distance.as_ref()).await);
@@ -157,17 +155,17 @@ async fn say_grids(node: &RobotNode, source: &Source, out: &Ros2Outputs) -> Resu
                 say(distance, columns.distances(&source, &band)).await;
             }
         }
-    }))
+    })
 }
 
 async fn say_clouds(
     node: &RobotNode,
     source: &Source,
     out: &Ros2Outputs,
-) -> Result<JoinHandle<()>> {
+) -> Result<impl Future<Output = ()> + Send + use<>> {
     let publisher = publisher(node, out.cloud.as_ref(), Type::POINT_CLOUD).await?;
     let (mut clock, source) = (clock(out.cloud_interval), source.clone());
-    Ok(tokio::spawn(async move {
+    Ok(async move {
         let Some(publisher) = publisher else { return };
         loop {
             clock.tick().await;
@@ -175,7 +173,7 @@ async fn say_clouds(
                 say(&publisher, cloud(&source, None).await.and_then(Cloud::encode)).await;
             }
         }
-    }))
+    })
 }
 
 async fn say_pictures(
@@ -183,12 +181,12 @@ async fn say_pictures(
     source: &Source,
     out: &Ros2Outputs,
     frames: &RobotFrames,
-) -> Result<JoinHandle<()>> {
+) -> Result<impl Future<Output = ()> + Send + use<>> {
     let color = publisher(node, out.image.as_ref(), Type::IMAGE).await?;
     let depth = publisher(node, out.image_depth.as_ref(), Type::IMAGE).await?;
     let (mut clock, source) = (clock(out.image_interval), source.clone());
     let camera = frames.camera();
-    Ok(tokio::spawn(async move {
+    Ok(async move {
         loop {
             clock.tick().await;
             let heard = (is_heard(color.as_ref()).await, is_heard(depth.as_ref()).await);
@@ -205,7 +203,7 @@ async fn say_pictures(
                 }
             }
         }
-    }))
+    })
 }
 
 async fn say_matches(source: Source, mut texts: mpsc::Receiver<String>, publisher: TopicPublisher) {

@@ -70,9 +70,7 @@ async fn serve_on(
     if let Err(error) = token.undeclare().await {
         tracing::debug!("{key}: {error}");
     }
-    if let Some(robot) = robot {
-        robot.close();
-    }
+    drop(robot);
     frames.close().await;
     questions.close().await;
     said

@@ -9,6 +9,8 @@ use crate::error::{Error, Result};
 pub const GID_BYTES: usize = 16;
 /// The form since rmw_zenoh 0.2.4: two i64, the length of the id, the id.
 pub const ATTACHMENT_BYTES: usize = 8 + 8 + 1 + GID_BYTES;
+/// A larger gap is none: somebody counts in another way.
+const MAX_LOST: u64 = 100_000;
 /// Jazzy's 0.2.0 to 0.2.3 put a name before each field.
 const NAMES: [&str; 3] = ["sequence_number", "source_timestamp", "source_gid"];
 
@@ -65,6 +67,17 @@ impl Attachment {
     }
 }
 
+impl Attachment {
+    /// How many samples of the same publisher lie between the last one and this one.
+    pub fn lost_since(&self, last: &Self) -> u64 {
+        let ahead = self.sequence_number.saturating_sub(last.sequence_number);
+        match u64::try_from(ahead) {
+            Ok(ahead) if self.gid == last.gid && ahead <= MAX_LOST => ahead.saturating_sub(1),
+            _ => 0,
+        }
+    }
+}
+
 /// The id of the publisher whose liveliness token this is.
 pub fn gid_of(token: &str) -> [u8; GID_BYTES] {
     // XXH128_hash_t in memory: the low half first.
@@ -91,6 +104,24 @@ mod tests {
         let mut other = bytes;
         other[16] = 15;
         Attachment::from_bytes(&other).expect_err("another length of the id");
+    }
+
+    #[test]
+    fn gaps_are_counted_within_a_publisher() {
+        let of = |sequence_number, id: u8| Attachment {
+            sequence_number,
+            source_stamp_ns: 0,
+            gid: [id; GID_BYTES],
+        };
+        for (last, next, lost) in [
+            (of(1, 0), of(2, 0), 0),
+            (of(1, 0), of(5, 0), 3),
+            (of(5, 0), of(1, 0), 0),
+            (of(1, 0), of(5, 1), 0),
+            (of(i64::MIN, 0), of(i64::MAX, 0), 0),
+        ] {
+            assert_eq!(next.lost_since(&last), lost, "{last:?} {next:?}");
+        }
     }
 
     proptest! {

@@ -85,8 +85,8 @@ pub(super) fn run(
         let (mut first, mut third) = (0.0, 0.0);
         for (query, meant) in QUERIES {
             let scorer = view.scorer(&encoder.embed(&[query])?, &negatives)?;
-            let settings = FindSettings { region: None, min_score: 0.0, top_k: TOP };
-            let things = view.find(&scorer, &settings, &|| false).unwrap_or_default();
+            let settings = FindSettings { region: None, min_score: 0.0, top_k: TOP, places: false };
+            let things = view.find(&scorer, &settings, &|| false).unwrap_or_default().matches;
             let found: Vec<&str> =
                 things.iter().map(|thing| truth.class_of(&view, &scorer, thing)).collect();
             let hit = |found: &&str| meant.contains(found);
