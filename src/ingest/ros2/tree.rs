@@ -71,9 +71,10 @@ impl Tree {
                 return true;
             }
         };
-        let newest = moments.back().map_or(stamp_ns, |last| last.0);
+        let mut newest = moments.back().map_or(stamp_ns, |last| last.0);
         if newest.saturating_sub(stamp_ns) > MEMORY_NS {
             moments.clear();
+            newest = stamp_ns;
         }
         let at = moments.partition_point(|moment| moment.0 < stamp_ns);
         match moments.get_mut(at) {

@@ -158,7 +158,7 @@ mod tests {
 
     #[test]
     fn compressed_depth_is_png_with_or_without_its_header() {
-        let grey = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(2, 1, vec![1500u16, 0]);
+        let grey = image::ImageBuffer::<image::Luma<u16>, _>::from_raw(2, 1, vec![2000u16, 0]);
         let mut png = Cursor::new(Vec::new());
         DynamicImage::ImageLuma16(grey.expect("its size"))
             .write_to(&mut png, image::ImageFormat::Png)
@@ -166,17 +166,17 @@ mod tests {
         let png = png.into_inner();
         let mut config = 0i32.to_le_bytes().to_vec();
         config.extend(3000f32.to_le_bytes());
-        config.extend(300f32.to_le_bytes());
+        config.extend(500f32.to_le_bytes());
         let with_header = [config, png.clone()].concat();
         let read = |format: &str, data: &[u8]| {
             let (header, format) = (Header::default(), format.into());
             depth_from_compressed(&CompressedImage { header, format, data })
         };
         for (format, data, expected) in [
-            ("16UC1; compressedDepth png", &with_header, [1.5, 0.0]),
-            ("16UC1; compressedDepth", &with_header, [1.5, 0.0]),
-            ("16UC1; png compressed ", &png, [1.5, 0.0]),
-            ("32FC1; compressedDepth png", &with_header, [2.5, 0.0]),
+            ("16UC1; compressedDepth png", &with_header, [2.0, 0.0]),
+            ("16UC1; compressedDepth", &with_header, [2.0, 0.0]),
+            ("16UC1; png compressed ", &png, [2.0, 0.0]),
+            ("32FC1; compressedDepth png", &with_header, [2.0, 0.0]),
         ] {
             assert_eq!(read(format, data).expect(format).metres, expected, "{format}");
         }

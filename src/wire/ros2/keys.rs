@@ -82,7 +82,8 @@ pub fn rmw_token(token: &Token<'_>, index: usize, endpoint: &Endpoint<'_>) -> Re
     let Token { domain, session, node } = token;
     let topic = checked(endpoint.topic)?.replace('/', PERCENT);
     Ok(format!(
-        "@ros2_lv/{domain}/{session}/0/{index}/{}/{PERCENT}/{PERCENT}/{node}/{PERCENT}{topic}/{}/{}/{RMW_QOS}",
+        "@ros2_lv/{domain}/{session}/0/{index}/{}/{PERCENT}/{PERCENT}/{node}/\
+         {PERCENT}{topic}/{}/{}/{RMW_QOS}",
         endpoint.role.code(),
         endpoint.kind.dds_name,
         endpoint.hash
