@@ -7,6 +7,7 @@ mod bus;
 mod encoder;
 mod language;
 mod layers;
+mod ros2;
 mod server;
 mod stored;
 
@@ -19,6 +20,7 @@ pub use bus::{
 };
 pub use encoder::{EncoderKind, EncoderSettings};
 pub use language::{CodeForm, DictionaryKind, LanguageConfig, MAX_ATOMS};
+pub use ros2::{Bridge, Ros2Config, Ros2Outputs, Ros2Settings};
 pub use server::{
     DEFAULT_FILE, GpuSettings, ServerConfig, ServerSettings, Settings, StorageSettings,
 };

@@ -38,6 +38,7 @@ use crate::engine::{
 };
 use crate::error::{Error, Result};
 use crate::frame::Frame;
+use crate::geometry::Aabb;
 use crate::map::{Mapper, Trainer};
 use crate::telemetry::Distribution;
 
@@ -233,6 +234,11 @@ impl Service {
     /// published. The file on disk is replaced when the server saves.
     pub async fn reset_map(&self, map_id: &str) -> Result<Emptied> {
         self.map(map_id)?.reset().await
+    }
+
+    /// Boxes (world metres) that may hold a part of a map's surface.
+    pub fn surface_leaves(&self, map_id: &str) -> Result<Vec<Aabb>> {
+        Ok(self.map(map_id)?.published().view.surface_leaves())
     }
 
     /// One map's counters.

@@ -8,6 +8,7 @@ mod join;
 mod keys;
 mod options;
 mod payload;
+mod robot;
 
 use std::sync::Arc;
 
@@ -17,6 +18,7 @@ use zenoh::bytes::Encoding;
 pub use join::Joining;
 pub use keys::{FrameKey, Keys};
 pub use payload::Slices;
+pub use robot::{RobotNode, TopicPublisher, TopicSubscriber};
 
 use crate::config::BusConfig;
 use crate::error::{Error, Result};

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     BackendChoice, BusConfig, BusSettings, EncoderSettings, FrameLimits, MapConfig, MapSettings,
-    Schedule,
+    Ros2Config, Ros2Settings, Schedule,
 };
 use crate::error::{Error, Result};
 
@@ -22,6 +22,7 @@ pub struct Settings {
     pub server: ServerSettings,
     #[serde(rename = "zenoh")]
     pub bus: BusSettings,
+    pub ros2: Ros2Settings,
     pub storage: StorageSettings,
     pub encoder: EncoderSettings,
     pub map: MapSettings,
@@ -71,6 +72,7 @@ impl Default for Settings {
         Self {
             server: ServerSettings::default(),
             bus: BusSettings::default(),
+            ros2: Ros2Settings::default(),
             storage: StorageSettings::default(),
             encoder: EncoderSettings::default(),
             map: MapSettings { schedule: Schedule::Adaptive, ..MapSettings::default() },
@@ -132,6 +134,8 @@ pub struct ServerConfig {
     pub encoder: EncoderSettings,
     /// `None`: no Zenoh.
     pub bus: Option<BusConfig>,
+    /// `None`: no ROS 2. With it there is a `bus`.
+    pub ros2: Option<Ros2Config>,
 }
 
 impl ServerConfig {
@@ -196,7 +200,12 @@ impl ServerConfig {
                 .then(|| settings.storage.path.clone()),
             encoder: settings.encoder.clone(),
             bus: BusConfig::from_settings(&settings.bus, frames)?,
+            ros2: Ros2Config::from_settings(&settings.ros2)?,
         };
+        if config.ros2.is_some() && config.bus.is_none() {
+            let problem = "needs Zenoh: say where the bridge is in zenoh.connect";
+            return Err(Error::invalid("ros2.bridge", problem));
+        }
         config.encoder.check()?;
         let map = MapConfig::from_settings(&settings.map).map_err(|e| match e {
             Error::InvalidArgument { field, problem } => {
@@ -248,9 +257,14 @@ mod tests {
 
     #[test]
     fn the_compiled_in_file_mentions_every_key_in_its_section() {
-        for (section, at_least) in
-            [("server", 8), ("zenoh", 10), ("storage", 1), ("encoder", 4), ("map", 10)]
-        {
+        for (section, at_least) in [
+            ("server", 8),
+            ("zenoh", 10),
+            ("ros2", 31),
+            ("storage", 1),
+            ("encoder", 4),
+            ("map", 10),
+        ] {
             let (_, rest) = DEFAULT_FILE.split_once(&format!("\n[{section}]\n")).expect(section);
             let body = rest.split("\n[").next().unwrap_or_default();
             let keys = keys(section);

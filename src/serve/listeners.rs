@@ -6,7 +6,7 @@ use tokio::net::TcpListener;
 
 use super::http::Door;
 use crate::bus::Joining;
-use crate::config::ServerConfig;
+use crate::config::{Ros2Config, ServerConfig};
 use crate::error::{Error, Result};
 
 /// The ports, open. gRPC waits for [`super::run()`]; HTTP answers probes from the start, and everything
@@ -16,6 +16,8 @@ pub struct Listeners {
     pub(super) http: Option<Door>,
     /// Zenoh, on its way.
     pub(super) bus: Option<Joining>,
+    /// What of ROS 2 there is on it.
+    pub(super) ros2: Option<Ros2Config>,
 }
 
 impl Listeners {
@@ -30,7 +32,7 @@ impl Listeners {
             Some(bus) => Some(Joining::begin(bus).await?),
             None => None,
         };
-        Ok(Self { grpc, http, bus })
+        Ok(Self { grpc, http, bus, ros2: config.ros2.clone() })
     }
 
     /// Where gRPC listens.
@@ -47,7 +49,7 @@ impl Listeners {
 /// gRPC alone.
 impl From<TcpListener> for Listeners {
     fn from(grpc: TcpListener) -> Self {
-        Self { grpc, http: None, bus: None }
+        Self { grpc, http: None, bus: None, ros2: None }
     }
 }
 

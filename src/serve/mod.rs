@@ -7,6 +7,7 @@ mod http;
 mod listeners;
 mod mirror;
 mod planner;
+mod ros2;
 mod run;
 mod stream;
 mod zenoh;

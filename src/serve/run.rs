@@ -49,7 +49,7 @@ pub async fn run(
     service: Arc<Service>,
     shutdown: impl Future<Output = ()>,
 ) -> Result<()> {
-    let Listeners { grpc: listener, http, bus } = listeners.into();
+    let Listeners { grpc: listener, http, bus, ros2 } = listeners.into();
     let (close, closing) = watch::channel(false);
     let (health, health_service) = tonic_health::server::health_reporter();
     set_health(&health, ServingStatus::Serving).await;
@@ -73,7 +73,7 @@ pub async fn run(
         http.serve(service.clone(), calls.clone(), bus.is_some().then(|| tally.clone()));
     }
     let zenoh = bus.map(|joining| {
-        tokio::spawn(zenoh::serve(joining, service.clone(), tally, closing.clone()))
+        tokio::spawn(zenoh::serve(joining, ros2, service.clone(), tally, closing.clone()))
     });
     let beside = Beside { http, zenoh };
     let mut told = closing;

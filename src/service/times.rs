@@ -43,10 +43,14 @@ pub enum Call {
     ZenohGetGrid,
     ZenohGetSlice,
     ZenohFindNearest,
+    Ros2Grid,
+    Ros2Cloud,
+    Ros2Render,
+    Ros2Text,
 }
 
 impl Call {
-    pub const ALL: [Self; 35] = [
+    pub const ALL: [Self; 39] = [
         Self::GrpcQueryPoints,
         Self::GrpcStreamQuery,
         Self::GrpcRender,
@@ -82,6 +86,10 @@ impl Call {
         Self::ZenohGetGrid,
         Self::ZenohGetSlice,
         Self::ZenohFindNearest,
+        Self::Ros2Grid,
+        Self::Ros2Cloud,
+        Self::Ros2Render,
+        Self::Ros2Text,
     ];
 
     /// The names of the transport and of the verb.
@@ -122,6 +130,10 @@ impl Call {
             Self::ZenohGetGrid => ("zenoh", "get_grid"),
             Self::ZenohGetSlice => ("zenoh", "get_slice"),
             Self::ZenohFindNearest => ("zenoh", "find_nearest"),
+            Self::Ros2Grid => ("ros2", "grid"),
+            Self::Ros2Cloud => ("ros2", "cloud"),
+            Self::Ros2Render => ("ros2", "render"),
+            Self::Ros2Text => ("ros2", "query_text"),
         }
     }
 }

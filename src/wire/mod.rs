@@ -18,6 +18,7 @@ mod mirror;
 mod planner;
 mod query;
 mod render;
+pub mod ros2;
 mod status;
 
 pub use codec::{Messages, read_message};

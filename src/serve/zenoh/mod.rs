@@ -10,7 +10,9 @@ use std::sync::Arc;
 
 use tokio::sync::watch;
 
+use super::ros2::Robot;
 use crate::bus::{Bus, Joining, bus_error};
+use crate::config::Ros2Config;
 use crate::error::Result;
 use crate::ingest::FrameSubscriber;
 use crate::service::{DEFAULT_MAP, Service};
@@ -22,6 +24,7 @@ pub(super) use tally::Tally;
 /// go on.
 pub(super) async fn serve(
     joining: Joining,
+    ros2: Option<Ros2Config>,
     service: Arc<Service>,
     tally: Arc<Tally>,
     mut closing: watch::Receiver<bool>,
@@ -32,7 +35,7 @@ pub(super) async fn serve(
     };
     let served = async {
         let bus = joined?;
-        let served = serve_on(&bus, &service, &tally, &mut closing).await;
+        let served = serve_on(&bus, ros2.as_ref(), &service, &tally, &mut closing).await;
         tally.leave();
         bus.close().await;
         served
@@ -44,12 +47,17 @@ pub(super) async fn serve(
 
 async fn serve_on(
     bus: &Bus,
+    ros2: Option<&Ros2Config>,
     service: &Arc<Service>,
     tally: &Arc<Tally>,
     closing: &mut watch::Receiver<bool>,
 ) -> Result<()> {
     let frames = FrameSubscriber::declare(bus, service, DEFAULT_MAP, &tally.frames).await?;
     let questions = Questions::declare(bus, service, DEFAULT_MAP, tally).await?;
+    let robot = match ros2 {
+        Some(config) => Some(Robot::declare(bus, config, service, DEFAULT_MAP).await?),
+        None => None,
+    };
     // Last of all: who sees it may ask.
     let key = bus.keys().alive(DEFAULT_MAP, &bus.id());
     let token = bus.session().liveliness().declare_token(&key).await;
@@ -62,6 +70,7 @@ async fn serve_on(
     if let Err(error) = token.undeclare().await {
         tracing::debug!("{key}: {error}");
     }
+    drop(robot);
     frames.close().await;
     questions.close().await;
     said

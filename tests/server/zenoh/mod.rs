@@ -4,6 +4,7 @@ mod bad_input;
 mod cut;
 mod fleet;
 mod life;
+mod ros2;
 mod router;
 mod secure;
 mod verbs;

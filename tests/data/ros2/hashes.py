@@ -1,0 +1,86 @@
+"""RIHS01 hashes of the message types that orenx speaks, from their definitions (REP-2016).
+
+Run: python3 hashes.py. The hashes that are known from running systems are asserted."""
+
+import hashlib
+import json
+
+IDS = {"int8": 2, "uint8": 3, "int32": 6, "uint32": 7, "float32": 10, "float64": 11, "bool": 15, "string": 17}
+
+DEFINITIONS = {
+    "builtin_interfaces/msg/Time": "int32 sec, uint32 nanosec",
+    "std_msgs/msg/Header": "builtin_interfaces/msg/Time stamp, string frame_id",
+    "std_msgs/msg/String": "string data",
+    "geometry_msgs/msg/Point": "float64 x, float64 y, float64 z",
+    "geometry_msgs/msg/Vector3": "float64 x, float64 y, float64 z",
+    "geometry_msgs/msg/Quaternion": "float64 x, float64 y, float64 z, float64 w",
+    "geometry_msgs/msg/Pose": "geometry_msgs/msg/Point position, geometry_msgs/msg/Quaternion orientation",
+    "geometry_msgs/msg/PoseStamped": "std_msgs/msg/Header header, geometry_msgs/msg/Pose pose",
+    "geometry_msgs/msg/Transform": "geometry_msgs/msg/Vector3 translation, geometry_msgs/msg/Quaternion rotation",
+    "geometry_msgs/msg/TransformStamped": "std_msgs/msg/Header header, string child_frame_id, geometry_msgs/msg/Transform transform",
+    "tf2_msgs/msg/TFMessage": "geometry_msgs/msg/TransformStamped[] transforms",
+    "sensor_msgs/msg/Image": "std_msgs/msg/Header header, uint32 height, uint32 width, string encoding, uint8 is_bigendian, uint32 step, uint8[] data",
+    "sensor_msgs/msg/CompressedImage": "std_msgs/msg/Header header, string format, uint8[] data",
+    "sensor_msgs/msg/RegionOfInterest": "uint32 x_offset, uint32 y_offset, uint32 height, uint32 width, bool do_rectify",
+    "sensor_msgs/msg/CameraInfo": "std_msgs/msg/Header header, uint32 height, uint32 width, string distortion_model, float64[] d, float64[9] k, float64[9] r, float64[12] p, uint32 binning_x, uint32 binning_y, sensor_msgs/msg/RegionOfInterest roi",
+    "sensor_msgs/msg/PointField": "string name, uint32 offset, uint8 datatype, uint32 count",
+    "sensor_msgs/msg/PointCloud2": "std_msgs/msg/Header header, uint32 height, uint32 width, sensor_msgs/msg/PointField[] fields, bool is_bigendian, uint32 point_step, uint32 row_step, uint8[] data, bool is_dense",
+    "nav_msgs/msg/MapMetaData": "builtin_interfaces/msg/Time map_load_time, float32 resolution, uint32 width, uint32 height, geometry_msgs/msg/Pose origin",
+    "nav_msgs/msg/OccupancyGrid": "std_msgs/msg/Header header, nav_msgs/msg/MapMetaData info, int8[] data",
+    "nvblox_msgs/msg/DistanceMapSlice": "std_msgs/msg/Header header, float32 resolution, uint32 width, uint32 height, geometry_msgs/msg/Point origin, float32 unknown_value, float32[] data",
+}
+
+# From running systems.
+KNOWN = {
+    "std_msgs/msg/String": "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
+    "sensor_msgs/msg/Image": "d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47",
+    "sensor_msgs/msg/PointCloud2": "9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5",
+}
+
+
+def field(text):
+    kind, name = text.split()
+    offset, capacity = 0, 0
+    if kind.endswith("]"):
+        kind, _, size = kind[:-1].partition("[")
+        offset, capacity = (48, int(size)) if size else (144, 0)
+    nested = kind if "/" in kind else ""
+    return {
+        "name": name,
+        "type": {
+            "type_id": (1 if nested else IDS[kind]) + offset,
+            "capacity": capacity,
+            "string_capacity": 0,
+            "nested_type_name": nested,
+        },
+    }
+
+
+def describe(name):
+    return {"type_name": name, "fields": [field(text) for text in DEFINITIONS[name].split(", ")]}
+
+
+def referenced(name, found):
+    for part in describe(name)["fields"]:
+        other = part["type"]["nested_type_name"]
+        if other and other not in found:
+            found.add(other)
+            referenced(other, found)
+    return found
+
+
+def rihs01(name):
+    whole = {
+        "type_description": describe(name),
+        "referenced_type_descriptions": [describe(n) for n in sorted(referenced(name, set()))],
+    }
+    text = json.dumps(whole, ensure_ascii=True, separators=(", ", ": "), sort_keys=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+for name, digest in KNOWN.items():
+    assert rihs01(name) == digest, name
+
+if __name__ == "__main__":
+    for name in DEFINITIONS:
+        print(name, "RIHS01_" + rihs01(name))
