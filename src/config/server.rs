@@ -202,10 +202,7 @@ impl ServerConfig {
             bus: BusConfig::from_settings(&settings.bus, frames)?,
             ros2: Ros2Config::from_settings(&settings.ros2)?,
         };
-        if config.ros2.is_some() && config.bus.is_none() {
-            let problem = "needs Zenoh: say where the bridge is in zenoh.connect";
-            return Err(Error::invalid("ros2.bridge", problem));
-        }
+        config.check_ros2()?;
         config.encoder.check()?;
         let map = MapConfig::from_settings(&settings.map).map_err(|e| match e {
             Error::InvalidArgument { field, problem } => {
@@ -214,6 +211,16 @@ impl ServerConfig {
             other => other,
         })?;
         Ok((config, map))
+    }
+}
+
+impl ServerConfig {
+    fn check_ros2(&self) -> Result<()> {
+        if self.ros2.is_some() && self.bus.is_none() {
+            let problem = "needs Zenoh: say where the bridge is in zenoh.connect";
+            return Err(Error::invalid("ros2.bridge", problem));
+        }
+        Ok(())
     }
 }
 

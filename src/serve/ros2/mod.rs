@@ -190,7 +190,7 @@ async fn say_pictures(
         loop {
             clock.tick().await;
             let heard = (is_heard(color.as_ref()).await, is_heard(depth.as_ref()).await);
-            let seen = camera.borrow().clone();
+            let seen = *camera.borrow();
             let Some(camera) = seen.filter(|_| heard.0 || heard.1) else { continue };
             match pictures(&source, camera, heard).await {
                 Err(error) => tracing::debug!("ROS 2: no image: {error}"),

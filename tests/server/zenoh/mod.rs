@@ -7,6 +7,7 @@ mod life;
 mod ros2;
 mod router;
 mod secure;
+mod shot;
 mod verbs;
 
 use orenx::bus::{FrameKey, Slices, encoding_of};

@@ -1,21 +1,14 @@
 //! A robot that speaks ROS 2, from both kinds of bridges, and the topics that it hears.
 
-use std::io::Cursor;
-
 use glam::Vec3;
-use image::{DynamicImage, ImageFormat};
 use orenx::bus::Slices;
 use orenx::client::ZenohClient;
-use orenx::dataset::Dataset;
-use orenx::dataset::synthetic::Synthetic;
 use orenx::engine::QueuePolicy;
-use orenx::frame::{DepthImage, Frame};
 use orenx::map::Fields;
 use orenx::service::DEFAULT_MAP;
 use orenx::wire::ros2::{
-    Attachment, CameraInfo, CompressedImage, DistanceMapSlice, Header, Image, Message,
-    OccupancyGrid, PointCloud2, PoseMessage, PoseStamped, Quaternion, RegionOfInterest, TfMessage,
-    Time, Transform, TransformStamped, Type, Vector3, decode, encode, gid_of, rmw_key,
+    Attachment, CompressedImage, DistanceMapSlice, Image, Message, OccupancyGrid, PointCloud2,
+    PoseMessage, PoseStamped, TfMessage, Transform, Type, decode, encode, gid_of, rmw_key,
 };
 use orenx::wire::{frame_to_wire, read_message, v1};
 use tokio::sync::mpsc;
@@ -24,92 +17,11 @@ use zenoh::sample::Sample;
 use zenoh_ext::{AdvancedPublisherBuilderExt, CacheConfig};
 
 use super::router::Router;
+use super::shot::Shot;
 use super::start_on;
-use crate::server::{open_stream, start, verdict};
+use crate::server::{Running, open_stream, start, verdict};
 
 const FRAMES: usize = 6;
-
-/// What a camera driver publishes of one frame.
-struct Shot {
-    frame: Frame,
-    millimetres: Vec<u16>,
-}
-
-impl Shot {
-    /// A frame of a small room, its depth in whole millimetres.
-    fn of(index: usize) -> Self {
-        let room = Synthetic::room(100).with_width(64);
-        let mut frame = room.load(3 * index, true).unwrap();
-        frame.seq = index as u64 + 1;
-        frame.robot_id = "bot".into();
-        frame.sensor_id = "front".into();
-        let millimetres: Vec<u16> =
-            frame.depth.metres.iter().map(|z| (z * 1000.0).round() as u16).collect();
-        let (width, height) = (frame.depth.width, frame.depth.height);
-        frame.depth = DepthImage::from_u16(width, height, &millimetres, 1000.0);
-        Self { frame, millimetres }
-    }
-
-    fn header(&self, frame_id: &str) -> Header {
-        Header { stamp: Time::from_ns(self.frame.stamp_ns), frame_id: frame_id.into() }
-    }
-
-    fn info(&self) -> CameraInfo {
-        let k = &self.frame.intrinsics;
-        CameraInfo {
-            header: self.header("camera"),
-            height: k.height,
-            width: k.width,
-            distortion_model: "plumb_bob".into(),
-            d: vec![0.0; 5],
-            k: [k.fx, 0.0, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0],
-            r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-            p: [k.fx, 0.0, k.cx, 0.0, 0.0, k.fy, k.cy, 0.0, 0.0, 0.0, 1.0, 0.0],
-            binning_x: 0,
-            binning_y: 0,
-            roi: RegionOfInterest::default(),
-        }
-    }
-
-    fn rotation(&self) -> Quaternion {
-        let q = self.frame.world_from_camera.rotation;
-        Quaternion { x: q.x, y: q.y, z: q.z, w: q.w }
-    }
-
-    fn transform(&self, child: &str) -> TransformStamped {
-        let t = self.frame.world_from_camera.translation;
-        let translation = Vector3 { x: t.x, y: t.y, z: t.z };
-        let transform = Transform { translation, rotation: self.rotation() };
-        TransformStamped { header: self.header("map"), child_frame_id: child.into(), transform }
-    }
-
-    fn color(&self) -> Image<'_> {
-        let color = self.frame.color.as_ref().unwrap();
-        Image {
-            header: self.header("camera"),
-            height: color.height,
-            width: color.width,
-            encoding: "rgb8".into(),
-            is_bigendian: 0,
-            step: 3 * color.width,
-            data: &color.rgb,
-        }
-    }
-
-    fn depth<'a>(&self, bytes: &'a mut Vec<u8>) -> Image<'a> {
-        bytes.extend(self.millimetres.iter().flat_map(|d| d.to_le_bytes()));
-        let (width, height) = (self.frame.depth.width, self.frame.depth.height);
-        Image {
-            header: self.header("camera"),
-            height,
-            width,
-            encoding: "16UC1".into(),
-            is_bigendian: 0,
-            step: 2 * width,
-            data: bytes,
-        }
-    }
-}
 
 /// Hears of the state of the map.
 struct Status {
@@ -274,18 +186,22 @@ async fn a_robot_on_rmw_zenoh_hears_grids_clouds_and_images() {
         let shot = Shot::of(index);
         robot.put("camera/depth/camera_info", &shot.info()).await;
         robot.put("tf", &TfMessage { transforms: vec![shot.transform("body")] }).await;
-        let (width, height) = (shot.frame.depth.width, shot.frame.depth.height);
-        let grey = image::ImageBuffer::from_raw(width, height, shot.millimetres.clone());
-        let mut data = Cursor::new(vec![0; 12]);
-        data.set_position(12);
-        DynamicImage::ImageLuma16(grey.unwrap()).write_to(&mut data, ImageFormat::Png).unwrap();
+        let data = shot.compressed();
         let format = "16UC1; compressedDepth png".into();
-        let (header, data) = (shot.header("camera"), data.into_inner());
-        let image = CompressedImage { header, format, data: &data };
+        let image = CompressedImage { header: shot.header("camera"), format, data: &data };
         robot.put("camera/depth/compressedDepth", &image).await;
         status.wait(index as u64 + 1).await;
     }
 
+    check_grids(&robot, &mut tokens).await;
+    check_cloud(&robot, &server).await;
+    check_image(&robot).await;
+    drop((client, status));
+    server.stop().await.0.unwrap();
+}
+
+/// Grids come with attachments of the publisher whose token is there.
+async fn check_grids(robot: &Robot, tokens: &mut mpsc::Receiver<String>) {
     let (mut grids, _grids) = robot.hear("orenx/grid", &Type::OCCUPANCY_GRID).await;
     let sample = grids.recv().await.unwrap();
     let attachment = Attachment::from_bytes(&sample.attachment().unwrap().to_bytes()).unwrap();
@@ -314,7 +230,9 @@ async fn a_robot_on_rmw_zenoh_hears_grids_clouds_and_images() {
     let near = slice.data.iter().zip(grid.data);
     assert!(near.clone().any(|(distance, cell)| *distance > 0.3 && *cell == 0));
     assert!(near.clone().all(|(d, cell)| (-999.0..0.0).contains(d) <= (*cell == 100)));
+}
 
+async fn check_cloud(robot: &Robot, server: &Running) {
     let (mut clouds, _clouds) = robot.hear("orenx/cloud", &Type::POINT_CLOUD).await;
     let sample = clouds.recv().await.unwrap();
     let payload = sample.payload().to_bytes();
@@ -330,7 +248,9 @@ async fn a_robot_on_rmw_zenoh_hears_grids_clouds_and_images() {
     let distances = reply.unwrap().answers.distance;
     let close = distances.iter().filter(|d| d.abs() < 0.01).count();
     assert!(close * 10 > distances.len() * 9, "{close} of {} on the surface", distances.len());
+}
 
+async fn check_image(robot: &Robot) {
     let (mut images, _images) = robot.hear("orenx/image_depth", &Type::IMAGE).await;
     let sample = images.recv().await.unwrap();
     let payload = sample.payload().to_bytes();
@@ -342,8 +262,6 @@ async fn a_robot_on_rmw_zenoh_hears_grids_clouds_and_images() {
     let errors: Vec<f32> = both.map(|(a, b)| (a - b).abs()).collect();
     let close = errors.iter().filter(|e| **e < 0.05).count();
     assert!(close * 4 > truth.metres.len() * 3, "{close} of {} pixels", truth.metres.len());
-    drop((client, status));
-    server.stop().await.0.unwrap();
 }
 
 /// A robot that tells poses instead of transforms, and one whose frames cannot be used: every refusal
