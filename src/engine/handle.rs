@@ -88,7 +88,8 @@ impl Handle {
             if published.view.epoch() != epoch {
                 return Poll::Ready(Some(published));
             }
-            match self.0.inbox().phase {
+            let inbox = self.0.inbox();
+            match inbox.phase {
                 Phase::Ended(_) => Poll::Ready(None),
                 Phase::Running | Phase::Stopping => Poll::Pending,
             }

@@ -75,7 +75,8 @@ impl PathVerdict {
 
     /// Of a path, from those of its beginning and of what follows.
     pub fn then(self, next: Self) -> Self {
-        let is_less = !(self.min_clearance_m <= next.min_clearance_m) && next.min_at.is_some();
+        let is_less = next.min_at.is_some()
+            && (self.min_at.is_none() || next.min_clearance_m < self.min_clearance_m);
         let least = if is_less { &next } else { &self };
         Self {
             min_clearance_m: least.min_clearance_m,
@@ -94,7 +95,7 @@ impl PathVerdict {
         if clearance_m.is_nan() {
             return;
         }
-        if !(self.min_clearance_m <= clearance_m) {
+        if self.min_at.is_none() || clearance_m < self.min_clearance_m {
             (self.min_clearance_m, self.min_at) = (clearance_m, Some(at));
         }
         if clearance_m < margin_m && (at.pose, at.fraction) < self.time_of_hit() {

@@ -22,6 +22,7 @@ impl Mapper {
         self.stats.epoch += u64::from(std::mem::take(&mut self.changed));
         self.find_painted();
         self.find_coded();
+        self.find_carved();
         self.write_nodes();
         self.write_rows();
         self.store.bricks.grow(self.surface.evidence.bricks().div_ceil(BRICKS));
@@ -93,6 +94,17 @@ impl Mapper {
             let nodes = &mut self.changed_nodes;
             self.topology.visit_nodes(cell.map(|c| c << size), size, &mut |node| nodes.push(node));
         }
+    }
+
+    /// Adds the nodes of bricks of evidence that are new to the changed ones: some stood there before.
+    fn find_carved(&mut self) {
+        let lattice = Lattice::new(&self.config);
+        let (evidence, nodes) = (&self.surface.evidence, &mut self.changed_nodes);
+        for brick in self.store.placed_bricks as u32..evidence.bricks() as u32 {
+            let cell = evidence.brick_cell(brick).map(|c| c << lattice.cell);
+            self.topology.visit_nodes(cell, lattice.brick, &mut |node| nodes.push(node));
+        }
+        self.store.placed_bricks = evidence.bricks();
     }
 
     fn write_codes(&mut self) {

@@ -112,6 +112,8 @@ pub(super) struct Store {
     pub nodes: PageTable<NodePage>,
     pub rows: PageTable<RowPage>,
     pub bricks: PageTable<BrickPage>,
+    /// Bricks that the nodes in them know of.
+    pub placed_bricks: usize,
     /// How the band of colour divides level-0 voxels.
     pub band: BandScale,
     pub color_blocks: usize,
@@ -176,6 +178,7 @@ impl Store {
             nodes: PageTable::default(),
             rows: PageTable::default(),
             bricks: PageTable::default(),
+            placed_bricks: 0,
             band: ColorField::scale(config)
                 .unwrap_or(BandScale { cell_m: config.r0_m, log2_side: 0 }),
             color_blocks: 0,

@@ -58,7 +58,8 @@ impl RaysQuestion {
         let places = count.saturating_mul(f64::from(range_m / LONGEST_M).ceil() as u64);
         check_count("origins_m", &format!("{count} rays of {range_m} m"), places, max_points)?;
         let ray = |(at, (origin, direction)): (usize, (&Vec3, &Vec3))| {
-            if !(f64::from(origin.abs().max_element()) <= MAX_COORDINATE_M) || origin.is_nan() {
+            let is_near = f64::from(origin.abs().max_element()) <= MAX_COORDINATE_M;
+            if origin.is_nan() || !is_near {
                 let problem = format!("must be within {MAX_COORDINATE_M} m of the origin");
                 return Err(Error::invalid(format!("origins_m[{at}]"), problem));
             }

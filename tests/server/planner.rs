@@ -123,7 +123,8 @@ async fn no_collision_between_two_poses_is_missed() {
             assert!(found.min_clearance_m < least + 0.012, "{} {least}", found.min_clearance_m);
         }
         let coarse = &at_poses.answer[trajectory];
-        assert!(!(found.min_clearance_m > coarse.min_clearance_m));
+        let coarsely = coarse.min_clearance_m;
+        assert!(found.min_clearance_m <= coarsely || coarsely.is_nan());
         assert!(found.unknown_hits >= coarse.unknown_hits);
     }
     assert!(hits >= 1, "the room is full of things");
