@@ -14,7 +14,7 @@ use orenx::wire::{frame_to_wire, read_message, v1};
 use tokio::sync::mpsc;
 use zenoh::pubsub::Subscriber;
 use zenoh::sample::Sample;
-use zenoh_ext::{AdvancedPublisherBuilderExt, CacheConfig};
+use zenoh_ext::{AdvancedPublisherBuilderExt, CacheConfig, MissDetectionConfig};
 
 use super::router::Router;
 use super::shot::Shot;
@@ -123,7 +123,7 @@ async fn a_robot_behind_the_bridge_makes_the_map_that_the_same_frames_make_over_
     let ours = server.client.query_points(DEFAULT_MAP, &places, Fields::ALL, 0).await.unwrap();
     let theirs = other.client.query_points(DEFAULT_MAP, &places, Fields::ALL, 0).await.unwrap();
     let known = ours.answers.distance.iter().filter(|d| d.is_finite()).count();
-    assert!(known > 500, "{known} known");
+    assert!(known > 200, "{known} known");
     let bits = |numbers: &[f32]| numbers.iter().map(|n| n.to_bits()).collect::<Vec<_>>();
     assert_eq!(ours.answers.state, theirs.answers.state);
     assert_eq!(bits(&ours.answers.distance), bits(&theirs.answers.distance));
@@ -155,6 +155,7 @@ async fn a_robot_on_rmw_zenoh_hears_grids_clouds_and_images() {
     let tf_static = session
         .declare_publisher(robot.key("tf_static", &Type::TF_MESSAGE))
         .cache(CacheConfig::default().max_samples(1))
+        .sample_miss_detection(MissDetectionConfig::default())
         .publisher_detection()
         .await
         .unwrap();
