@@ -197,24 +197,19 @@ async fn things_are_found_in_words_and_in_numbers_over_both_transports() {
     assert!(near.findings.matches.iter().all(|m| m.extent.max_element() <= 0.8), "{near:?}");
     let nowhere = FindQuestion { min_score: Some(1.0), ..asked };
     assert!(server.client.find(&nowhere).await.unwrap().findings.matches.is_empty());
-    let least = -1.0;
-    let everywhere = FindQuestion { min_score: Some(least), places: true, ..nowhere };
+    let everywhere = FindQuestion { min_score: Some(-1.0), places: true, ..nowhere };
     let whole = server.client.find(&everywhere).await.unwrap().findings.places;
     assert_eq!(http.find(&everywhere).await.unwrap().findings.places, whole);
-    let view = PointsQuestion {
-        fields: Fields { text_score: true, ..Fields::NONE },
-        text: Some(everywhere.sought.clone()),
-        ..PointsQuestion::new(whole.points.clone())
-    };
-    let there = server.client.ask(&view).await.unwrap().answers.text_score;
+    let text = Some(everywhere.sought.clone());
+    let at = PointsQuestion { text, ..PointsQuestion::new(whole.points.clone()) };
+    let there = server.client.ask(&at).await.unwrap().answers.text_score;
     assert!(whole.points.len() > 100, "{}", whole.points.len());
-    for (place, (score, there)) in whole.points.iter().zip(whole.scores.iter().zip(there)) {
-        assert!(there.is_nan() || (score - there).abs() < 1e-5, "{place}: {score} and {there}");
+    for (score, there) in whole.scores.iter().zip(there) {
+        assert!(there.is_nan() || (score - there).abs() < 1e-5, "{score} and {there}");
     }
     let fitting = FindQuestion { min_score: Some(0.5), ..everywhere };
-    let fitting = server.client.find(&fitting).await.unwrap().findings.places;
-    let expected: Vec<f32> = whole.scores.iter().copied().filter(|s| *s >= 0.5).collect();
-    assert_eq!(fitting.scores, expected);
+    let fitting = server.client.find(&fitting).await.unwrap().findings.places.scores;
+    assert!(fitting.iter().eq(whole.scores.iter().filter(|s| **s >= 0.5)) && fitting.len() > 9);
     server.stop().await.0.unwrap();
 }
 
