@@ -138,6 +138,9 @@ impl Default for MapSettings {
     }
 }
 
+/// Edge lengths that level-0 voxels may have, m.
+const R0_M: std::ops::RangeInclusive<f32> = 0.01..=1.0;
+
 /// Checked settings of one map, complete in numbers. Stored in every checkpoint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MapConfig {
@@ -252,7 +255,7 @@ pub const MODALITIES: [&str; 4] = ["sdf", "occupancy", "radiance", "language"];
 impl MapConfig {
     /// Checks settings and fills in what the profile says.
     pub fn from_settings(settings: &MapSettings) -> Result<Self> {
-        if !(0.01..=1.0).contains(&settings.r0_m) {
+        if !R0_M.contains(&settings.r0_m) {
             return Err(Error::invalid(
                 "r0_m",
                 format!("{} must lie within 0.01..=1 m", settings.r0_m),
@@ -301,6 +304,12 @@ impl MapConfig {
 
     /// Checks what a damaged or forged file could say and code relies on.
     pub fn checked(self) -> Result<Self> {
+        if !R0_M.contains(&self.r0_m) {
+            return Err(Error::corrupt(
+                "settings",
+                "the size of voxels lies outside of its limits",
+            ));
+        }
         let radiance = &self.radiance;
         if radiance.log2_side > 3
             || radiance.stride == 0

@@ -226,7 +226,7 @@ mod tests {
         let cases: [Case; 8] = [
             (&[("ORENX_SERVER_LANE", "3")], &[], ["ORENX_SERVER_LANE:", "unknown field `lane`"]),
             (&[("ORENX_SERVERS_LANES", "3")], &[], ["ORENX_SERVERS_LANES:", "server"]),
-            (&[("ORENX_GRPC", "3")], &[], ["ORENX_GRPC:", "map, server, storage"]),
+            (&[("ORENX_GRPC", "3")], &[], ["ORENX_GRPC:", "map, ros2, server, storage, zenoh"]),
             (&[("ORENX_SERVER_LANES", "many")], &[], ["ORENX_SERVER_LANES:", "many"]),
             (&[("ORENX_MAP_PROFILE", "huge")], &[], ["ORENX_MAP_PROFILE:", "huge"]),
             (&[], &["server.lane=3"], ["--set server.lane:", "unknown field `lane`"]),
