@@ -156,19 +156,25 @@ impl Shared {
         loop {
             let starts = self.inner().state.starts;
             let Err(error) = self.follow_once(url, asked).await;
-            let mut inner = self.inner();
-            if inner.state.is_connected {
-                tracing::warn!(%error, "a mirror lost its server");
+            if self.lose(error) > starts {
+                pause = FIRST_PAUSE;
             }
-            inner.state.is_connected = false;
-            inner.state.problem = Some(error.to_string());
-            pause = if inner.state.starts > starts { FIRST_PAUSE } else { pause };
-            inner.failure = Some(error);
-            drop(inner);
-            self.bell.notify_all();
             tokio::time::sleep(pause).await;
             pause = (2 * pause).min(LONGEST_PAUSE);
         }
+    }
+
+    /// Says why the server does not tell any more; how often it began.
+    fn lose(&self, error: Error) -> u64 {
+        let mut inner = self.inner();
+        if inner.state.is_connected {
+            tracing::warn!(%error, "a mirror lost its server");
+        }
+        inner.state.is_connected = false;
+        inner.state.problem = Some(error.to_string());
+        inner.failure = Some(error);
+        self.bell.notify_all();
+        inner.state.starts
     }
 
     /// Follows until something goes wrong.
