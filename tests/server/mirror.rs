@@ -12,6 +12,7 @@ use orenx::service::{DEFAULT_MAP, PointsQuestion};
 use orenx::wire::{Subscription, v1};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
+use tonic::transport::Channel;
 
 use super::{Running, good_frame, open_stream, start, verdict};
 
@@ -142,10 +143,12 @@ async fn a_mirror_is_the_server_bit_for_bit_however_often_it_is_cut() {
 #[tokio::test(flavor = "multi_thread")]
 async fn mirrors_have_bounds_and_say_what_is_wrong() {
     let server = start(|_| {}).await;
+    // A connection of their own: what its streams do not read, others on it cannot read either.
+    let theirs = Channel::from_shared(server.url.clone()).unwrap().connect().await.unwrap();
     let subscribe = |change: fn(&mut v1::SubscribeRequest)| {
         let mut asked = v1::SubscribeRequest { map_id: DEFAULT_MAP.into(), ..Default::default() };
         change(&mut asked);
-        let mut client = v1::mirror_client::MirrorClient::new(server.channel.clone());
+        let mut client = v1::mirror_client::MirrorClient::new(theirs.clone());
         async move { client.subscribe(asked).await }
     };
     let refused = subscribe(|asked| asked.map_id = "cellar".into()).await.unwrap_err();

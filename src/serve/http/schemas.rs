@@ -83,6 +83,17 @@ pub(super) fn text_scores() -> Schema {
     list(number(&[Type::Null])).description(Some(text)).into()
 }
 
+pub(super) fn sphere_fields() -> Schema {
+    let text = "The columns to answer; none means distance (as `clearance_m`), gradient and state.";
+    let names = ["distance", "gradient", "occupancy", "state", "color"];
+    let name =
+        ObjectBuilder::new().schema_type(SchemaType::new(Type::String)).enum_values(Some(names));
+    list(name)
+        .schema_type(SchemaType::from_iter([Type::Array, Type::Null]))
+        .description(Some(text))
+        .into()
+}
+
 // Language.
 
 fn texts(types: &[Type], most: usize) -> ArrayBuilder {

@@ -31,7 +31,7 @@ const RAW_SPHERE_BYTES: usize = 16;
 pub(super) struct SpheresRequest {
     #[schema(schema_with = schemas::spheres)]
     spheres_m: Vec<[f32; 4]>,
-    /// The columns to answer; none means distance (as `clearance_m`), gradient and state.
+    #[schema(schema_with = schemas::sphere_fields)]
     fields: Option<Vec<Field>>,
     #[schema(schema_with = schemas::frame_id)]
     frame_id: Option<String>,
