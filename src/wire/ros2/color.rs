@@ -25,8 +25,10 @@ pub fn color_from_image(image: &Image<'_>) -> Result<ColorImage> {
             return Err(Error::invalid("color.encoding", problem));
         }
     };
+    // Sizes are believed once the rows are there.
+    let rows = rows("color", image, bytes)?;
     let mut rgb = Vec::with_capacity(3 * image.width as usize * image.height as usize);
-    for row in rows("color", image, bytes)? {
+    for row in rows {
         if (bytes, order) == (3, [0, 1, 2]) {
             rgb.extend_from_slice(row);
         } else {

@@ -24,8 +24,10 @@ pub fn depth_from_image(image: &Image<'_>) -> Result<DepthImage> {
                 0 => u16::from_le_bytes,
                 _ => u16::from_be_bytes,
             };
+            // Sizes are believed once the rows are there.
+            let rows = rows("depth", image, 2)?;
             let mut raw = Vec::with_capacity(width as usize * height as usize);
-            for row in rows("depth", image, 2)? {
+            for row in rows {
                 raw.extend(row.as_chunks::<2>().0.iter().map(|b| read(*b)));
             }
             from_millimetres(width, height, &raw)
@@ -35,8 +37,9 @@ pub fn depth_from_image(image: &Image<'_>) -> Result<DepthImage> {
                 0 => f32::from_le_bytes,
                 _ => f32::from_be_bytes,
             };
+            let rows = rows("depth", image, 4)?;
             let mut metres = Vec::with_capacity(width as usize * height as usize);
-            for row in rows("depth", image, 4)? {
+            for row in rows {
                 metres.extend(row.as_chunks::<4>().0.iter().map(|b| read(*b)));
             }
             from_metres(width, height, metres)
@@ -114,6 +117,16 @@ mod tests {
     fn image<'a>(encoding: &str, step: u32, big: bool, data: &'a [u8]) -> Image<'a> {
         let (header, encoding) = (Header::default(), encoding.into());
         Image { header, height: 2, width: 2, encoding, is_bigendian: big.into(), step, data }
+    }
+
+    #[test]
+    fn a_size_is_not_believed_before_its_rows_are_there() {
+        for encoding in ["16UC1", "32FC1"] {
+            let vast =
+                Image { width: 1 << 20, height: 1 << 20, ..image(encoding, 8, false, &[0; 16]) };
+            let refused = depth_from_image(&vast).expect_err("no rows").to_string();
+            assert!(refused.contains("1048576x1048576"), "{refused}");
+        }
     }
 
     #[test]
