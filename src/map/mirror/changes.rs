@@ -176,16 +176,13 @@ impl Changes<'_> {
     }
 
     fn decoders(&self, parts: &mut Parts<'_>) -> ControlFlow<()> {
-        let weights = |view: &MapView| {
-            let decoders = &view.decoders;
-            [decoders.sdf.weights().to_vec(), decoders.occupancy.weights().to_vec()]
-        };
-        let before = self.old.filter(|old| Arc::ptr_eq(&old.decoders, &self.view.decoders));
-        if before.is_some() {
+        let decoders = &self.view.decoders;
+        if self.old.is_some_and(|old| Arc::ptr_eq(&old.decoders, decoders)) {
             return ControlFlow::Continue(());
         }
-        for (i, weights) in weights(self.view).iter().enumerate() {
-            parts.push(i, &[bytemuck::cast_slice(weights)])?;
+        for (i, decoder) in [&decoders.sdf, &decoders.occupancy].into_iter().enumerate() {
+            parts.push(i, &[bytemuck::cast_slice(decoder.weights())])?;
+            // Of different lengths, and so a part each.
             parts.end()?;
         }
         ControlFlow::Continue(())

@@ -120,9 +120,8 @@ impl Copying {
                 Table::Colors => self.color(slot, bytes)?,
                 Table::Codes => self.code(slot, bytes)?,
                 Table::Atoms => {
-                    let dimension = bytes.len() / size_of::<f32>();
-                    let to = self.atoms.get_mut(slot * dimension..(slot + 1) * dimension);
-                    fill(to.unwrap_or_default(), bytes)?;
+                    let dimension = self.head.contract.as_ref().map_or(0, |c| c.dimension);
+                    fill(&mut self.atoms[slot * dimension..(slot + 1) * dimension], bytes)?;
                 }
                 Table::Decoders => {
                     let Decoders { sdf, occupancy } = &mut self.decoders;

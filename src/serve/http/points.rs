@@ -170,10 +170,12 @@ async fn read_raw(edge: &Edge, body: Body) -> Result<(Vec<Vec3>, Share), Refusal
     Ok((values, share))
 }
 
+/// A column that was asked for and that the map has.
+pub(super) fn column<T>(is_asked: bool, values: Vec<T>, points: usize) -> Option<Vec<T>> {
+    (is_asked && values.len() == points).then_some(values)
+}
+
 fn write_json(reply: PointsReply, fields: Fields, points: usize) -> Result<Vec<u8>, Refusal> {
-    fn column<T>(is_asked: bool, values: Vec<T>, points: usize) -> Option<Vec<T>> {
-        (is_asked && values.len() == points).then_some(values)
-    }
     let answers = reply.answers;
     let answer = PointsAnswer {
         epoch: reply.epoch,

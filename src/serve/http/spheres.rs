@@ -14,7 +14,7 @@ use super::openapi::{self, PointRefusals};
 use super::options::{Field, Options, Policy};
 use super::parse::whole;
 use super::planner::{read, written};
-use super::points::raw;
+use super::points::{column, raw};
 use super::refusal::Refusal;
 use super::{Edge, MapId, schemas};
 use crate::error::Error;
@@ -137,9 +137,6 @@ async fn read_json(
 }
 
 fn answer(reply: SpheresReply, fields: Fields, count: usize) -> SpheresAnswer {
-    fn column<T>(is_asked: bool, values: Vec<T>, count: usize) -> Option<Vec<T>> {
-        (is_asked && values.len() == count).then_some(values)
-    }
     let answers = reply.answer;
     SpheresAnswer {
         epoch: reply.epoch,
