@@ -14,6 +14,7 @@ mod nearest;
 mod question;
 mod rays;
 mod readers;
+mod registry;
 mod slice;
 mod sought;
 mod spheres;
@@ -24,26 +25,25 @@ mod times;
 mod trajectories;
 mod watch;
 
-use std::path::PathBuf;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::Instant;
 
-use tokio::sync::Semaphore;
+use tokio::sync::{Semaphore, watch as channel};
 
 use crate::config::{MapConfig, ServerConfig};
 use crate::encoder::TextEncoder;
 use crate::engine::{
-    Emptied, Engine, EngineSettings, FrameSink, Handle, Published, Queue, QueuePolicy, Reason,
-    Session, Verdict, persist,
+    Emptied, FrameSink, Handle, Published, Queue, QueuePolicy, Reason, Session, Verdict,
 };
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::geometry::Aabb;
-use crate::map::{Mapper, Trainer};
 use crate::telemetry::Distribution;
 
-pub use counters::FrameCounts;
 use counters::{Counted, Counters};
+pub use counters::{FrameCounts, RobotReport, Sighting};
 pub use find::{
     ClassifyQuestion, ClassifyReply, Encoders, FindQuestion, FindReply, MAX_CLASS_SCORES,
     MAX_CLASSES, MAX_MATCHES,
@@ -60,6 +60,8 @@ pub use question::{
 };
 pub use rays::{RaysQuestion, RaysReply, vectors_of};
 use readers::Readers;
+pub use registry::Mappers;
+use registry::Registry;
 pub use slice::{Level, SliceQuestion, SliceReply};
 use sought::Words;
 pub use sought::{MAX_PROMPTS, Sought};
@@ -75,14 +77,13 @@ pub use watch::{
     RegionBrick, RegionChange, RegionQuestion, RegionWatch, TrajectoryWatch, WatchedTrajectories,
 };
 
-/// The id of the one map.
+/// The id of the map that every server has.
 pub const DEFAULT_MAP: &str = "default";
-/// Its file in the storage folder.
-const MAP_FILE: &str = "default.orenx";
 
 /// A running server without its transports.
 pub struct Service {
-    mapper: Handle,
+    registry: Arc<Registry>,
+    sessions: AtomicU64,
     readers: Readers,
     studio: Studio,
     counters: Arc<Counters>,
@@ -97,29 +98,15 @@ pub struct Service {
 }
 
 impl Service {
-    /// Loads or creates the map and starts its thread and the readers. The caller keeps the
-    /// [`Engine`]: it ends the thread and says whether the map was saved.
-    pub fn start(config: &ServerConfig, map: MapConfig) -> Result<(Arc<Self>, Engine)> {
+    /// Loads the maps, makes the default one if there is none, and starts their threads and the
+    /// readers. The caller keeps the [`Mappers`]: they end the threads and say whether the maps were
+    /// saved.
+    pub fn start(config: &ServerConfig, map: MapConfig) -> Result<(Arc<Self>, Mappers)> {
         let words = Words::new(TextEncoder::open(&config.encoder)?);
-        let store = config.storage.as_deref().map(prepare_storage).transpose()?;
-        let mut mapper = match &store {
-            Some(path) => persist::load(path, map)?,
-            None => Mapper::new(map)?,
-        };
-        mapper
-            .train_on(Trainer { backend: config.backend, gpu_memory_mib: config.gpu_memory_mib })?;
-        mapper.set_trainer_nice(config.trainer_nice)?;
-        let settings = EngineSettings {
-            lane_frames: config.lane_frames,
-            lanes: config.lanes,
-            queued_bytes: config.queued_bytes,
-            max_frame_age: config.max_frame_age,
-            publish_interval: config.publish_interval,
-            store,
-        };
-        let engine = Engine::start(mapper, settings)?;
+        let (registry, mappers) = Registry::open(config, map)?;
         let service = Self {
-            mapper: engine.handle(),
+            registry,
+            sessions: AtomicU64::new(1),
             readers: Readers::start(config.query_threads, config.max_points)?,
             studio: Studio::start(config.query_threads)?,
             counters: Arc::default(),
@@ -130,12 +117,12 @@ impl Service {
             max_points: config.max_points,
             max_pixels: config.max_pixels,
         };
-        Ok((Arc::new(service), engine))
+        Ok((Arc::new(service), mappers))
     }
 
     /// A new connection of a sender: within it, sequence numbers and stamps of a sensor must go on.
     pub fn session(&self) -> Session {
-        self.mapper.session()
+        Session::numbered(self.sessions.fetch_add(1, Relaxed))
     }
 
     /// How full the lane of a sensor is, and will be; nothing of a map that is not there.
@@ -154,31 +141,64 @@ impl Service {
         sink: Box<dyn FrameSink>,
         arrived: Instant,
     ) {
-        let sink = Counted::receive(&self.counters, sink, arrived);
-        let checked = self.map(map_id).and_then(|mapper| {
+        let sink = self.counted(map_id, sink, arrived);
+        let checked = self.registry.get(map_id).and_then(|map| {
             frame.check()?;
-            self.check_contract(&frame, &mapper.published().view)?;
-            Ok(mapper)
+            self.check_contract(&frame, &map.handle.published().view)?;
+            Ok(map)
         });
         match checked {
-            Ok(mapper) => mapper.submit(session, frame, policy, sink).await,
+            Ok(map) => {
+                let sink = map.tallies.of_robot(&frame, sink, arrived);
+                map.handle.submit(session, frame, policy, sink).await;
+            }
             Err(error) => sink.settle(Verdict::Rejected(error)),
         }
     }
 
-    /// Refuses a frame that could not even be read, so that it is counted like any other.
-    pub fn refuse_frame(&self, error: Error, sink: Box<dyn FrameSink>, arrived: Instant) {
-        self.settle_frame(Verdict::Rejected(error), sink, arrived);
+    /// Refuses a frame that could not even be read, so that it is counted like any other: its map's, if
+    /// there is one of this id.
+    pub fn refuse_frame(
+        &self,
+        map_id: &str,
+        error: Error,
+        sink: Box<dyn FrameSink>,
+        arrived: Instant,
+    ) {
+        self.settle_frame(map_id, Verdict::Rejected(error), sink, arrived);
     }
 
     /// Counts a frame that gave way, or was refused, before it was read.
-    pub fn settle_frame(&self, verdict: Verdict, sink: Box<dyn FrameSink>, arrived: Instant) {
-        Counted::receive(&self.counters, sink, arrived).settle(verdict);
+    pub fn settle_frame(
+        &self,
+        map_id: &str,
+        verdict: Verdict,
+        sink: Box<dyn FrameSink>,
+        arrived: Instant,
+    ) {
+        self.counted(map_id, sink, arrived).settle(verdict);
     }
 
     /// Counts frames that were sent and never came, where a transport can tell.
-    pub fn lose_frames(&self, frames: u64) {
+    pub fn lose_frames(&self, map_id: &str, frames: u64) {
         self.counters.lose(frames);
+        if let Ok(map) = self.registry.get(map_id) {
+            map.tallies.all.lose(frames);
+        }
+    }
+
+    /// A sink that counts the frame for the server, and for its map.
+    fn counted(
+        &self,
+        map_id: &str,
+        sink: Box<dyn FrameSink>,
+        arrived: Instant,
+    ) -> Box<dyn FrameSink> {
+        let sink = Counted::receive(&self.counters, sink, arrived);
+        match self.registry.get(map_id) {
+            Ok(map) => Counted::receive(&map.tallies.all, sink, arrived),
+            Err(_) => sink,
+        }
     }
 
     /// Answers points from the newest view, if it is as new as the question demands. Small questions
@@ -218,16 +238,35 @@ impl Service {
         Ok(ImageReply { images, width, height, epoch, newest_stamp_ns, spent })
     }
 
-    /// Every map.
+    /// Every map, also those that could not be loaded.
     pub fn list_maps(&self) -> Vec<MapSummary> {
-        vec![MapSummary::from(&self.mapper.published())]
+        self.registry.list()
+    }
+
+    /// The ids of the maps that are served, now and from now on.
+    pub fn map_ids(&self) -> channel::Receiver<BTreeSet<String>> {
+        self.registry.ids()
+    }
+
+    /// Makes an empty map; `settings`, by the names of `[map]`, go over those of the server.
+    pub async fn create_map(
+        &self,
+        map_id: &str,
+        settings: &BTreeMap<String, String>,
+    ) -> Result<MapDetail> {
+        self.registry.create(map_id, settings).await
+    }
+
+    /// Deletes a map and everything that is stored of it. The default map stays.
+    pub async fn delete_map(&self, map_id: &str) -> Result<()> {
+        self.registry.delete(map_id).await
     }
 
     /// One map and its settings.
     pub fn map_detail(&self, map_id: &str) -> Result<MapDetail> {
         let published = self.map(map_id)?.published();
         let config = published.view.config().clone();
-        Ok(MapDetail { summary: MapSummary::from(&published), config })
+        Ok(MapDetail { summary: MapSummary::of(map_id.into(), &published.view), config })
     }
 
     /// Empties a map. Questions are answered meanwhile: from the old map until the empty one is
@@ -243,16 +282,18 @@ impl Service {
 
     /// One map's counters.
     pub fn map_stats(&self, map_id: &str) -> Result<MapReport> {
-        let published = self.map(map_id)?.published();
+        let map = self.registry.get(map_id)?;
+        let published = map.handle.published();
         Ok(MapReport {
-            summary: MapSummary::from(&published),
+            summary: MapSummary::of(map_id.into(), &published.view),
             stats: (*published.stats).clone(),
-            counts: self.counters.read(),
+            counts: map.tallies.all.read(),
+            robots: map.tallies.robots(),
             resident_bytes: crate::telemetry::resident_bytes(),
         })
     }
 
-    /// What became of the frames.
+    /// What became of the frames for all maps, and for none.
     pub fn frame_counts(&self) -> FrameCounts {
         self.counters.read()
     }
@@ -267,35 +308,26 @@ impl Service {
         self.counters.visible_after()
     }
 
-    /// The newest epoch and the capture time of its newest frame, for acks.
-    pub fn newest(&self) -> (u64, i64) {
-        let view = self.mapper.published().view;
-        (view.epoch(), view.newest_stamp_ns())
+    /// A map's newest epoch and the capture time of its newest frame, for acks; zeros without a map.
+    pub fn newest(&self, map_id: &str) -> (u64, i64) {
+        let newest = |handle: Handle| {
+            let view = handle.published().view;
+            (view.epoch(), view.newest_stamp_ns())
+        };
+        self.map(map_id).map(newest).unwrap_or_default()
     }
 
     /// Takes no more frames: the one at hand is finished, those that wait are dropped.
     pub fn stop(&self) {
-        self.mapper.stop();
+        self.registry.stop();
     }
 
-    /// Waits for the end of the mapper thread; an error if it failed.
+    /// Waits for the ends of all mapper threads; an error as soon as one has failed.
     pub async fn ended(&self) -> Result<()> {
-        self.mapper.ended().await
+        self.registry.ended().await
     }
 
-    fn map(&self, map_id: &str) -> Result<&Handle> {
-        match map_id {
-            DEFAULT_MAP => Ok(&self.mapper),
-            "" => Err(Error::invalid("map_id", format!("is required; try '{DEFAULT_MAP}'"))),
-            other => Err(Error::NotFound {
-                what: format!("map_id: map '{}'", other.chars().take(64).collect::<String>()),
-            }),
-        }
+    fn map(&self, map_id: &str) -> Result<Handle> {
+        Ok(self.registry.get(map_id)?.handle.clone())
     }
-}
-
-/// Makes the storage folder, so that a wrong path is found at the start and not at the end.
-fn prepare_storage(folder: &std::path::Path) -> Result<PathBuf> {
-    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, e))?;
-    Ok(folder.join(MAP_FILE))
 }

@@ -76,7 +76,7 @@ async fn demo(encoder: EncoderArgs) -> anyhow::Result<()> {
     let http = format!("http://{address}");
     println!("orenx serves gRPC on {grpc} and HTTP on {http}, in memory");
 
-    let (service, engine) = Service::start(&config, map)?;
+    let (service, mappers) = Service::start(&config, map)?;
     let (stop, stopped) = oneshot::channel::<()>();
     let mut serving = tokio::spawn(serve::run(listeners, service, async {
         // Either way it is over.
@@ -96,7 +96,7 @@ async fn demo(encoder: EncoderArgs) -> anyhow::Result<()> {
     // Fails if the server has just ended; then its own result says why.
     let _ = stop.send(());
     serving.await.context("the server's task")??;
-    engine.stop()?;
+    mappers.stop()?;
     shown
 }
 

@@ -48,8 +48,8 @@ impl ServeArgs {
             let listeners = Listeners::bind(&config).await?;
             let start = config.clone();
             let started = tokio::task::spawn_blocking(move || Service::start(&start, map));
-            let (service, engine) = started.await.context("loading the map")??;
-            let epoch = service.newest().0;
+            let (service, mappers) = started.await.context("loading the map")??;
+            let maps = service.list_maps();
             println!("orenx serves gRPC on grpc://{}", listeners.grpc_address()?);
             if let Some(address) = listeners.http_address() {
                 println!("orenx serves HTTP on http://{address}");
@@ -57,10 +57,15 @@ impl ServeArgs {
             if let Some(bus) = &config.bus {
                 println!("orenx serves Zenoh below {}", bus.prefix);
             }
-            println!("epoch {epoch}");
+            for map in maps {
+                match map.problem.as_str() {
+                    "" => println!("map '{}', epoch {}", map.map_id, map.epoch),
+                    problem => println!("map '{}' is not served: {problem}", map.map_id),
+                }
+            }
             let served = serve::run(listeners, service, interrupted()).await;
-            // Joins the mapper: what went wrong there comes back from either.
-            let saved = engine.stop();
+            // Joins the mappers: what went wrong there comes back from either.
+            let saved = mappers.stop();
             served?;
             saved?;
             match &config.storage {

@@ -167,6 +167,29 @@ impl Client {
         map_stats_from_wire(reply.into_inner())
     }
 
+    /// Makes an empty map; `settings`, by the names of `[map]`, go over those of the server.
+    pub async fn create_map(
+        &self,
+        map_id: &str,
+        settings: impl IntoIterator<Item = (String, String)>,
+    ) -> Result<()> {
+        let settings = settings.into_iter().collect();
+        MapsClient::new(self.channel.clone())
+            .create_map(v1::CreateMapRequest { map_id: map_id.into(), settings })
+            .await
+            .map_err(|status| error_from_status(&status))?;
+        Ok(())
+    }
+
+    /// Deletes a map and all that is stored of it.
+    pub async fn delete_map(&self, map_id: &str) -> Result<()> {
+        MapsClient::new(self.channel.clone())
+            .delete_map(v1::DeleteMapRequest { map_id: map_id.into() })
+            .await
+            .map_err(|status| error_from_status(&status))?;
+        Ok(())
+    }
+
     /// Empties a map; the first epoch of the empty one and how many waiting frames were dropped.
     pub async fn reset_map(&self, map_id: &str) -> Result<Emptied> {
         let reply = MapsClient::new(self.channel.clone())

@@ -4,11 +4,13 @@
 //! One rule for every key: `key` of `[section]` is the variable `ORENX_SECTION_KEY` and the flag
 //! `--set section.key=value`.
 
+use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::path::Path;
 
 use toml::{Table, Value};
 
+use super::MapSettings;
 use super::server::{DEFAULT_FILE, Settings};
 use crate::error::{Error, Result};
 
@@ -52,6 +54,21 @@ impl Settings {
         let mut layers = Layers::defaults()?;
         layers.put_file(text, name)?;
         layers.settings(name)
+    }
+}
+
+impl MapSettings {
+    /// These settings with some changed, by their names in `[map]`, each as it would be written in a flag.
+    pub fn with(&self, changes: &BTreeMap<String, String>) -> Result<Self> {
+        let mut table = Table::try_from(self)
+            .map_err(|e| Error::Internal(format!("settings of a map: {e}")))?;
+        for (key, text) in changes {
+            let value = typed(table.get(key), text);
+            table.insert(key.clone(), value);
+            let source = format!("settings.{key}");
+            table.clone().try_into::<Self>().map_err(|e| wrong(&source, &e))?;
+        }
+        table.try_into().map_err(|e| wrong("settings", &e))
     }
 }
 
@@ -195,6 +212,28 @@ mod tests {
         assert_eq!(settings.map.modalities, ["sdf", "occupancy"]);
         assert_eq!(settings.map.schedule, Schedule::Adaptive, "as for every server");
         ServerConfig::from_settings(&settings).expect("and they pass their checks");
+    }
+
+    #[test]
+    fn a_map_is_made_with_settings_of_its_own() {
+        let changes = |changes: &[(&str, &str)]| {
+            changes.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect()
+        };
+        let usual = Settings::default().map;
+        let fine =
+            changes(&[("profile", "full"), ("r0_m", "0.05"), ("modalities", "sdf,occupancy")]);
+        let made = usual.with(&fine).expect("known");
+        assert_eq!((made.profile, made.r0_m), (Profile::Full, 0.05));
+        assert_eq!(made.modalities, ["sdf", "occupancy"]);
+        assert_eq!(
+            MapSettings { profile: usual.profile, r0_m: 0.1, ..made }.schedule,
+            usual.schedule
+        );
+        assert_eq!(usual.with(&changes(&[])).expect("nothing changed"), usual);
+        for (key, value) in [("size", "3"), ("profile", "huge"), ("seed", "-1"), ("r0_m", "wide")] {
+            let error = usual.with(&changes(&[(key, value)])).expect_err(key).to_string();
+            assert!(error.starts_with(&format!("settings.{key}: ")), "{error}");
+        }
     }
 
     /// Every key of the default file can be written as a variable and as a flag, and back.

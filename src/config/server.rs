@@ -38,6 +38,7 @@ pub struct ServerSettings {
     pub query_threads: u32,
     pub max_points: u32,
     pub max_pixels: u32,
+    pub max_maps: u32,
     pub lane_frames: u32,
     pub lanes: u32,
     pub queued_mib: u32,
@@ -89,6 +90,7 @@ impl Default for ServerSettings {
             query_threads: 0,
             max_points: 1_000_000,
             max_pixels: 4_000_000,
+            max_maps: 16,
             lane_frames: 2,
             lanes: 64,
             queued_mib: 512,
@@ -115,6 +117,9 @@ pub struct ServerConfig {
     pub query_threads: usize,
     pub max_points: usize,
     pub max_pixels: usize,
+    pub max_maps: usize,
+    /// What maps are made with, as written.
+    pub map: MapSettings,
     /// Frames that may wait for each sensor.
     pub lane_frames: usize,
     /// Sensors with waiting frames at a time.
@@ -184,6 +189,8 @@ impl ServerConfig {
             max_points: within("max_points", server.max_points, 1..=2_000_000)?,
             // A colour in f32, 12 bytes a pixel, must fit in an answer.
             max_pixels: within("max_pixels", server.max_pixels, 1..=4_800_000)?,
+            max_maps: within("max_maps", server.max_maps, 1..=1024)?,
+            map: settings.map.clone(),
             lane_frames,
             lanes,
             queued_bytes,

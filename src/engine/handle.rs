@@ -2,7 +2,6 @@
 
 use std::collections::VecDeque;
 use std::future::poll_fn;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock};
 use std::task::{Poll, Waker};
 use std::time::{Duration, Instant};
@@ -62,11 +61,6 @@ impl Handle {
             None => Poll::Ready(()),
         })
         .await;
-    }
-
-    /// A new connection of a sender.
-    pub fn session(&self) -> Session {
-        Session(self.0.sessions.fetch_add(1, Relaxed))
     }
 
     /// How full a sensor's lane is, and will be.
@@ -173,7 +167,6 @@ pub(super) struct Shared {
     published: RwLock<Published>,
     /// Those who wait for the next view.
     followers: Mutex<Vec<Waker>>,
-    sessions: AtomicU64,
 }
 
 impl Shared {
@@ -189,7 +182,6 @@ impl Shared {
             bell: Condvar::new(),
             published: RwLock::new(first),
             followers: Mutex::default(),
-            sessions: AtomicU64::new(1),
         }
     }
 

@@ -10,7 +10,14 @@ use crate::frame::Frame;
 
 /// One connection of a sender. Those that began later are larger.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
-pub struct Session(pub(super) u64);
+pub struct Session(u64);
+
+impl Session {
+    /// The session of a number, which grows from each to the next.
+    pub fn numbered(number: u64) -> Self {
+        Self(number)
+    }
+}
 
 /// The newest of what a sensor has sent.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -339,7 +339,7 @@ mod tests {
         for index in 0..2 {
             let frame = room.load(index, false).expect("a frame");
             let sink = Box::new(told.clone());
-            handle.submit(handle.session(), frame, QueuePolicy::Latest, sink).await;
+            handle.submit(Session::default(), frame, QueuePolicy::Latest, sink).await;
         }
         let Event::Frame(job, behind) = owner.shared.next(None) else { panic!("a frame waits") };
         owner.integrate(*job, behind).expect("a backend");

@@ -80,6 +80,7 @@ impl FrameStream {
                     let frame = FrameSummary::from(&message);
                     let sink = AckSink {
                         service: self.service.clone(),
+                        map_id: message.map_id.clone(),
                         arrived: Instant::now(),
                         queue: self.service.queue(
                             &message.map_id,
@@ -113,6 +114,7 @@ impl FrameStream {
         sink: Box<AckSink>,
     ) -> ControlFlow<Option<Status>> {
         let arrived = sink.arrived;
+        let map_id = sink.map_id.clone();
         let reader = self.service.clone();
         let decoded = tokio::task::spawn_blocking(move || read_frame(&reader, message)).await;
         let incoming =
@@ -120,10 +122,10 @@ impl FrameStream {
         let Self { service, session, ending, acks, .. } = self;
         let submitted = async {
             match incoming {
-                Ok(IncomingFrame { map_id, policy, frame, .. }) => {
+                Ok(IncomingFrame { policy, frame, .. }) => {
                     service.submit_frame(*session, &map_id, frame, policy, sink, arrived).await;
                 }
-                Err(error) => service.refuse_frame(error, sink, arrived),
+                Err(error) => service.refuse_frame(&map_id, error, sink, arrived),
             }
         };
         unless_over(submitted, acks, ending).await
@@ -157,6 +159,7 @@ async fn unless_over(
 /// Turns the news of one frame into its acks.
 struct AckSink {
     service: Arc<Service>,
+    map_id: String,
     frame: FrameSummary,
     arrived: Instant,
     queue: Queue,
@@ -166,7 +169,7 @@ struct AckSink {
 
 impl AckSink {
     fn ack(&self, verdict: Option<&Verdict>) -> v1::FrameAck {
-        let newest = self.service.newest();
+        let newest = self.service.newest(&self.map_id);
         ack_to_wire(&self.frame, verdict, newest, &self.queue, self.arrived.elapsed())
     }
 }

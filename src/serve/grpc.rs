@@ -157,6 +157,29 @@ impl Maps for Edge {
         Ok(Response::new(map_detail_to_wire(detail, started.elapsed())))
     }
 
+    async fn create_map(
+        &self,
+        request: Request<v1::CreateMapRequest>,
+    ) -> Result<Response<v1::GetMapReply>, Status> {
+        let started = Instant::now();
+        let v1::CreateMapRequest { map_id, settings } = request.into_inner();
+        // In order, so that of several mistakes the same is told each time.
+        let settings = settings.into_iter().collect();
+        let detail =
+            self.service.create_map(&map_id, &settings).await.map_err(|e| status_from_error(&e))?;
+        Ok(Response::new(map_detail_to_wire(detail, started.elapsed())))
+    }
+
+    async fn delete_map(
+        &self,
+        request: Request<v1::DeleteMapRequest>,
+    ) -> Result<Response<v1::DeleteMapReply>, Status> {
+        let started = Instant::now();
+        let map_id = request.into_inner().map_id;
+        self.service.delete_map(&map_id).await.map_err(|e| status_from_error(&e))?;
+        Ok(Response::new(v1::DeleteMapReply { server_us: started.elapsed().as_micros() as u64 }))
+    }
+
     async fn reset_map(
         &self,
         request: Request<v1::ResetMapRequest>,

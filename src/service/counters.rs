@@ -1,12 +1,16 @@
 //! What became of the frames since the start, counted where no frame can be missed: around the
 //! sink that every frame must settle.
 
-use std::sync::Arc;
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use super::Reason;
 use crate::engine::{FrameSink, Queue, Verdict};
+use crate::frame::Frame;
+use crate::geometry::{Intrinsics, Pose};
 use crate::telemetry::{Distribution, Histogram};
 
 /// Frames by their end. `received` is the sum of the others.
@@ -58,6 +62,93 @@ impl Counters {
     /// How long integrated frames took, from their last byte on, until questions saw them.
     pub(super) fn visible_after(&self) -> Distribution {
         self.visible_after.read()
+    }
+}
+
+/// Robots that are counted apart, for each map. Those that come later are counted for the map alone.
+const MAX_ROBOTS: usize = 256;
+
+/// A robot's frames for one map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RobotReport {
+    pub robot_id: String,
+    pub counts: FrameCounts,
+    pub newest: Sighting,
+}
+
+/// Where a robot's camera stood at its newest good frame.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sighting {
+    pub sensor_id: String,
+    /// The capture time by the robot's clock, Unix ns.
+    pub stamp_ns: i64,
+    pub world_from_camera: Pose,
+    pub intrinsics: Intrinsics,
+}
+
+/// What became of the frames for one map.
+#[derive(Default)]
+pub(super) struct Tallies {
+    pub(super) all: Arc<Counters>,
+    robots: Mutex<BTreeMap<String, Robot>>,
+}
+
+struct Robot {
+    counters: Arc<Counters>,
+    newest: Sighting,
+}
+
+impl Tallies {
+    /// A sink that counts a good frame for its robot too.
+    pub(super) fn of_robot(
+        &self,
+        frame: &Frame,
+        sink: Box<dyn FrameSink>,
+        arrived: Instant,
+    ) -> Box<dyn FrameSink> {
+        match self.counters_of(frame) {
+            Some(counters) => Counted::receive(&counters, sink, arrived),
+            None => sink,
+        }
+    }
+
+    fn counters_of(&self, frame: &Frame) -> Option<Arc<Counters>> {
+        let newest = Sighting::of(frame);
+        let mut robots = self.robots.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = robots.len();
+        match robots.entry(frame.robot_id.to_string()) {
+            Entry::Occupied(place) => {
+                let robot = place.into_mut();
+                robot.newest = newest;
+                Some(robot.counters.clone())
+            }
+            Entry::Vacant(place) if known < MAX_ROBOTS => {
+                Some(place.insert(Robot { counters: Arc::default(), newest }).counters.clone())
+            }
+            Entry::Vacant(_) => None,
+        }
+    }
+
+    /// Every robot, by id.
+    pub(super) fn robots(&self) -> Vec<RobotReport> {
+        let robots = self.robots.lock().unwrap_or_else(PoisonError::into_inner);
+        let report = |(id, robot): (&String, &Robot)| RobotReport {
+            robot_id: id.clone(),
+            counts: robot.counters.read(),
+            newest: robot.newest.clone(),
+        };
+        robots.iter().map(report).collect()
+    }
+}
+
+impl Sighting {
+    fn of(frame: &Frame) -> Self {
+        Self {
+            sensor_id: frame.sensor_id.to_string(),
+            stamp_ns: frame.stamp_ns,
+            world_from_camera: frame.world_from_camera,
+            intrinsics: frame.intrinsics,
+        }
     }
 }
 

@@ -1,10 +1,9 @@
 //! What a client learns about maps.
 
-use super::{DEFAULT_MAP, FrameCounts};
+use super::{FrameCounts, RobotReport};
 use crate::config::MapConfig;
-use crate::engine::Published;
 use crate::geometry::Aabb;
-use crate::map::MapStats;
+use crate::map::{MapStats, MapView};
 
 /// One map in a list.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +14,8 @@ pub struct MapSummary {
     /// World metres; empty while the map is.
     pub bounds: Aabb,
     pub modalities: Vec<String>,
+    /// Why the map is not served; empty if it is.
+    pub problem: String,
 }
 
 /// One map and what it was made with.
@@ -30,19 +31,33 @@ pub struct MapReport {
     pub summary: MapSummary,
     pub stats: MapStats,
     pub counts: FrameCounts,
+    /// By id.
+    pub robots: Vec<RobotReport>,
     /// Memory held by the process, bytes; 0 where the system does not tell.
     pub resident_bytes: u64,
 }
 
-impl From<&Published> for MapSummary {
-    fn from(published: &Published) -> Self {
-        let view = &published.view;
+impl MapSummary {
+    pub(super) fn of(map_id: String, view: &MapView) -> Self {
         Self {
-            map_id: DEFAULT_MAP.into(),
+            map_id,
             epoch: view.epoch(),
             newest_stamp_ns: view.newest_stamp_ns(),
             bounds: view.bounds(),
             modalities: view.config().modalities.clone(),
+            problem: String::new(),
+        }
+    }
+
+    /// A map that could not be loaded.
+    pub(super) fn of_closed(map_id: String, problem: String) -> Self {
+        Self {
+            map_id,
+            epoch: 0,
+            newest_stamp_ns: 0,
+            bounds: Aabb::EMPTY,
+            modalities: Vec::new(),
+            problem,
         }
     }
 }

@@ -34,7 +34,7 @@ pub struct Follower {
 impl Service {
     /// A place among those who follow a map, with at most one view in `min_interval`.
     pub fn follow(&self, map_id: &str, min_interval: Duration) -> Result<Follower> {
-        let mapper = self.map(map_id)?.clone();
+        let mapper = self.map(map_id)?;
         if min_interval > MAX_INTERVAL {
             let (ms, most) = (min_interval.as_millis(), MAX_INTERVAL.as_millis());
             return Err(Error::invalid("min_interval_ms", format!("{ms}; the limit is {most}")));

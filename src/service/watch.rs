@@ -148,10 +148,11 @@ impl Service {
     }
 
     /// Waits for another epoch than the one that was seen; false once the map has ended.
-    async fn has_news(&self, seen: Option<u64>) -> bool {
-        match seen {
-            None => true,
-            Some(epoch) => self.mapper.published_after(epoch).await.is_some(),
+    async fn has_news(&self, map_id: &str, seen: Option<u64>) -> bool {
+        match (seen, self.map(map_id)) {
+            (None, _) => true,
+            (Some(epoch), Ok(mapper)) => mapper.published_after(epoch).await.is_some(),
+            (Some(_), Err(_)) => false,
         }
     }
 }
@@ -165,7 +166,7 @@ impl RegionWatch {
     /// The bricks that changed; at first those with anything known. `None` once the map has ended.
     pub async fn next(&mut self) -> Result<Option<RegionChange>> {
         loop {
-            if !self.service.has_news(self.epoch).await {
+            if !self.service.has_news(&self.question.terms.map_id, self.epoch).await {
                 return Ok(None);
             }
             tokio::time::sleep_until(self.due).await;
@@ -196,7 +197,7 @@ impl TrajectoryWatch {
     /// ended.
     pub async fn next(&mut self) -> Result<Option<TrajectoriesReply>> {
         loop {
-            if !self.service.has_news(self.epoch).await {
+            if !self.service.has_news(&self.check.terms.map_id, self.epoch).await {
                 return Ok(None);
             }
             let check = self.check.clone();

@@ -2,13 +2,16 @@
 
 use std::time::Duration;
 
-use super::geometry::{aabb_from_wire, aabb_to_wire, required};
+use super::geometry::{
+    aabb_from_wire, aabb_to_wire, intrinsics_from_wire, intrinsics_to_wire, pose_from_wire,
+    pose_to_wire, required,
+};
 use super::v1;
 use crate::config::name_of;
 use crate::engine::{Emptied, Reason};
 use crate::error::Result;
 use crate::map::MapStats;
-use crate::service::{FrameCounts, MapDetail, MapReport, MapSummary};
+use crate::service::{FrameCounts, MapDetail, MapReport, MapSummary, RobotReport, Sighting};
 
 /// The message of a list.
 pub fn map_list_to_wire(maps: Vec<MapSummary>, spent: Duration) -> v1::ListMapsReply {
@@ -54,7 +57,7 @@ pub fn map_reset_to_wire(emptied: Emptied, spent: Duration) -> v1::ResetMapReply
 
 /// The message of one map's counters.
 pub fn map_stats_to_wire(report: MapReport, spent: Duration) -> v1::GetMapStatsReply {
-    let MapReport { summary, stats, counts, resident_bytes } = report;
+    let MapReport { summary, stats, counts, robots, resident_bytes } = report;
     v1::GetMapStatsReply {
         epoch: summary.epoch,
         newest_stamp_ns: summary.newest_stamp_ns,
@@ -70,14 +73,8 @@ pub fn map_stats_to_wire(report: MapReport, spent: Duration) -> v1::GetMapStatsR
         voxels_refused: stats.voxels_refused,
         losses: values_to_wire(stats.losses),
         stages_ms: values_to_wire(stats.stages_ms),
-        counts: Some(v1::FrameCounts {
-            received: counts.received,
-            integrated: counts.integrated,
-            dropped: reasons_to_wire(&counts.dropped),
-            rejected: reasons_to_wire(&counts.rejected),
-            waiting: counts.waiting,
-            lost: counts.lost,
-        }),
+        counts: Some(counts_to_wire(&counts)),
+        robots: robots.iter().map(robot_to_wire).collect(),
         resident_bytes,
         server_us: spent.as_micros() as u64,
     }
@@ -85,7 +82,7 @@ pub fn map_stats_to_wire(report: MapReport, spent: Duration) -> v1::GetMapStatsR
 
 /// The counters of a message.
 pub fn map_stats_from_wire(message: v1::GetMapStatsReply) -> Result<MapReport> {
-    let counts = required("counts", message.counts)?;
+    let robots = message.robots.into_iter().map(robot_from_wire).collect::<Result<_>>()?;
     Ok(MapReport {
         summary: summary_from_wire(required("map", message.map)?),
         stats: MapStats {
@@ -103,15 +100,58 @@ pub fn map_stats_from_wire(message: v1::GetMapStatsReply) -> Result<MapReport> {
             stages_ms: values_from_wire(message.stages_ms),
             passes: Vec::new(),
         },
-        counts: FrameCounts {
-            received: counts.received,
-            integrated: counts.integrated,
-            dropped: reasons_from_wire(&counts.dropped),
-            rejected: reasons_from_wire(&counts.rejected),
-            waiting: counts.waiting,
-            lost: counts.lost,
-        },
+        counts: counts_from_wire(&required("counts", message.counts)?),
+        robots,
         resident_bytes: message.resident_bytes,
+    })
+}
+
+fn counts_to_wire(counts: &FrameCounts) -> v1::FrameCounts {
+    v1::FrameCounts {
+        received: counts.received,
+        integrated: counts.integrated,
+        dropped: reasons_to_wire(&counts.dropped),
+        rejected: reasons_to_wire(&counts.rejected),
+        waiting: counts.waiting,
+        lost: counts.lost,
+    }
+}
+
+fn counts_from_wire(counts: &v1::FrameCounts) -> FrameCounts {
+    FrameCounts {
+        received: counts.received,
+        integrated: counts.integrated,
+        dropped: reasons_from_wire(&counts.dropped),
+        rejected: reasons_from_wire(&counts.rejected),
+        waiting: counts.waiting,
+        lost: counts.lost,
+    }
+}
+
+fn robot_to_wire(robot: &RobotReport) -> v1::RobotReport {
+    let RobotReport { robot_id, counts, newest } = robot;
+    v1::RobotReport {
+        robot_id: robot_id.clone(),
+        counts: Some(counts_to_wire(counts)),
+        newest_stamp_ns: newest.stamp_ns,
+        sensor_id: newest.sensor_id.clone(),
+        world_from_camera: Some(pose_to_wire(&newest.world_from_camera)),
+        intrinsics: Some(intrinsics_to_wire(&newest.intrinsics)),
+    }
+}
+
+fn robot_from_wire(message: v1::RobotReport) -> Result<RobotReport> {
+    let intrinsics = required("robots.intrinsics", message.intrinsics)?;
+    let pose = required("robots.world_from_camera", message.world_from_camera)?;
+    Ok(RobotReport {
+        robot_id: message.robot_id,
+        counts: counts_from_wire(&required("robots.counts", message.counts)?),
+        newest: Sighting {
+            sensor_id: message.sensor_id,
+            stamp_ns: message.newest_stamp_ns,
+            world_from_camera: pose_from_wire(pose)?,
+            intrinsics: intrinsics_from_wire(intrinsics),
+        },
     })
 }
 
@@ -122,6 +162,7 @@ fn summary_to_wire(map: MapSummary) -> v1::MapSummary {
         newest_stamp_ns: map.newest_stamp_ns,
         bounds: aabb_to_wire(&map.bounds),
         modalities: map.modalities,
+        problem: map.problem,
     }
 }
 
@@ -132,6 +173,7 @@ fn summary_from_wire(message: v1::MapSummary) -> MapSummary {
         newest_stamp_ns: message.newest_stamp_ns,
         bounds: aabb_from_wire(message.bounds),
         modalities: message.modalities,
+        problem: message.problem,
     }
 }
 
@@ -163,10 +205,10 @@ fn reasons_from_wire(counts: &[v1::NamedCount]) -> Vec<(Reason, u64)> {
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
+    use glam::{DVec3, Vec3};
 
     use super::*;
-    use crate::geometry::Aabb;
+    use crate::geometry::{Aabb, Intrinsics, Pose};
 
     #[test]
     fn counters_come_back_as_they_were() {
@@ -176,6 +218,22 @@ mod tests {
             newest_stamp_ns: -4,
             bounds: Aabb { min: Vec3::new(-1.0, -2.0, 0.0), max: Vec3::new(1.5, 2.0, 3.0) },
             modalities: vec!["sdf".into(), "occupancy".into()],
+            problem: String::new(),
+        };
+        let counts = FrameCounts {
+            received: 20,
+            integrated: 14,
+            dropped: vec![(Reason::Replaced, 2)],
+            rejected: vec![(Reason::InvalidField, 1), (Reason::Internal, 2)],
+            waiting: 1,
+            lost: 3,
+        };
+        let (fx, fy, cx, cy) = (60.0, 61.0, 32.0, 24.0);
+        let newest = Sighting {
+            sensor_id: "front".into(),
+            stamp_ns: 17,
+            world_from_camera: Pose { translation: DVec3::new(1.0, 2.0, 3.0), ..Pose::IDENTITY },
+            intrinsics: Intrinsics { fx, fy, cx, cy, width: 64, height: 48 },
         };
         let report = MapReport {
             summary: summary.clone(),
@@ -194,14 +252,8 @@ mod tests {
                 stages_ms: vec![("train".into(), 2.25), ("publish".into(), 0.125)],
                 passes: Vec::new(),
             },
-            counts: FrameCounts {
-                received: 20,
-                integrated: 14,
-                dropped: vec![(Reason::Replaced, 2)],
-                rejected: vec![(Reason::InvalidField, 1), (Reason::Internal, 2)],
-                waiting: 1,
-                lost: 3,
-            },
+            robots: vec![RobotReport { robot_id: "r".into(), counts: counts.clone(), newest }],
+            counts,
             resident_bytes: 15,
         };
         let message = map_stats_to_wire(report.clone(), Duration::from_micros(16));
@@ -209,7 +261,8 @@ mod tests {
         let back = map_stats_from_wire(message).expect("whole");
         assert_eq!(format!("{back:?}"), format!("{report:?}"));
 
-        let empty = MapSummary { bounds: Aabb::EMPTY, ..summary.clone() };
+        let problem = "damaged".into();
+        let empty = MapSummary { bounds: Aabb::EMPTY, problem, ..summary.clone() };
         let list = map_list_to_wire(vec![summary.clone(), empty.clone()], Duration::ZERO);
         assert_eq!(map_list_from_wire(list), [summary, empty]);
         assert!(map_stats_from_wire(v1::GetMapStatsReply::default()).is_err());

@@ -87,7 +87,7 @@ async fn a_mapper_that_fails_ends_the_server_with_an_error() {
     drop(watch);
     let served = server.serving.await.unwrap().expect_err("the mapper failed").to_string();
     assert!(served.contains("the bomb in the mapper"), "{served}");
-    let ended = server.engine.stop().expect_err("the mapper failed").to_string();
+    let ended = server.mappers.stop().expect_err("the mapper failed").to_string();
     assert!(ended.contains("the bomb in the mapper"), "{ended}");
 }
 
@@ -125,7 +125,7 @@ async fn a_stopped_server_drops_frames_and_says_why() {
     let counts = server.service.map_stats(DEFAULT_MAP).unwrap().counts;
     assert_eq!(counts.dropped, [(Reason::Stopping, 1)]);
     server.serving.await.unwrap().unwrap();
-    server.engine.stop().unwrap();
+    server.mappers.stop().unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -171,22 +171,33 @@ async fn a_map_survives_the_server() {
     saved.unwrap();
 }
 
-#[test]
-fn a_map_that_cannot_be_read_stops_the_start_and_stays_as_it_is() {
+#[tokio::test(flavor = "multi_thread")]
+async fn a_map_that_cannot_be_read_is_said_to_be_so_and_the_others_are_served() {
     let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("default.orenx");
+    let file = folder.path().join("default").join("map.orenx");
+    std::fs::create_dir_all(file.parent().unwrap()).unwrap();
     std::fs::write(&file, b"no map at all").unwrap();
-    let mut settings = Settings::default();
-    settings.storage.path = folder.path().into();
-    let (config, map) = ServerConfig::from_settings(&settings).unwrap();
-    let error = Service::start(&config, map).err().expect("damaged");
-    assert_eq!(error.exit_code(), 2, "{error}");
-    assert!(error.to_string().contains("default.orenx"), "{error}");
+    std::fs::create_dir_all(folder.path().join("yard")).unwrap();
+    let server = start(|settings| settings.storage.path = folder.path().into()).await;
+
+    let maps = server.client.list_maps().await.unwrap();
+    let ids: Vec<&str> = maps.iter().map(|map| map.map_id.as_str()).collect();
+    assert_eq!(ids, [DEFAULT_MAP, "yard"]);
+    assert!(maps[0].problem.contains("map.orenx"), "{}", maps[0].problem);
+    assert_eq!(maps[1].problem, "");
+    let error = server.client.map_stats(DEFAULT_MAP).await.expect_err("not served");
+    assert_eq!(error.status(), orenx::error::Status::FailedPrecondition, "{error}");
+    assert!(error.to_string().contains("map.orenx"), "{error}");
+    server.client.map_stats("yard").await.expect("served");
+    let (served, saved) = server.stop().await;
+    served.unwrap();
+    saved.unwrap();
     assert_eq!(std::fs::read(&file).unwrap(), b"no map at all");
 
     // A storage folder that is a file.
+    let mut settings = Settings::default();
     settings.storage.path = file.clone();
     let (config, map) = ServerConfig::from_settings(&settings).unwrap();
     let error = Service::start(&config, map).err().expect("not a folder").to_string();
-    assert!(error.contains("default.orenx"), "{error}");
+    assert!(error.contains("map.orenx"), "{error}");
 }

@@ -1,6 +1,8 @@
 //! What there is to know about maps, and the way back to an empty one.
 
 use glam::Vec3;
+use orenx::dataset::Dataset;
+use orenx::dataset::synthetic::Synthetic;
 use orenx::error::Status;
 use orenx::map::{Fields, State};
 use orenx::service::{DEFAULT_MAP, PointsQuestion, Unknown, UnknownPolicy};
@@ -100,4 +102,59 @@ async fn a_planner_demands_freshness_and_says_what_unknown_is() {
     server.client.ask(&question).await.expect_err("the frames are gone");
     drop((frames, acks));
     server.stop().await.0.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn maps_come_and_go_and_keep_apart_what_they_saw() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("maps");
+    let server = start(|settings| {
+        settings.storage.path = path.clone();
+        settings.server.max_maps = 2;
+    })
+    .await;
+    let client = &server.client;
+    let fine = [("r0_m".to_owned(), "0.2".to_owned())];
+    client.create_map("yard", fine.clone()).await.unwrap();
+    assert!(path.join("yard/map.orenx").is_file(), "it is on disk before it is served");
+    for (map_id, settings, field) in [
+        ("yard", vec![], "exists already"),
+        ("Yard", vec![], "map_id: "),
+        ("hall", vec![("r0_m".to_owned(), "wide".to_owned())], "settings.r0_m: "),
+        ("hall", vec![], "server.max_maps"),
+    ] {
+        let error = client.create_map(map_id, settings).await.expect_err(field).to_string();
+        assert!(error.contains(field), "{error}");
+    }
+
+    let (frames, mut acks) = open_stream(&server.channel).await;
+    let frame = v1::Frame { map_id: "yard".into(), ..good_frame(3) };
+    frames.send(frame).await.unwrap();
+    let ack = verdict(&mut acks).await;
+    assert_eq!((ack.status(), ack.epoch), (FrameStatus::Integrated, 1), "the epoch of its map");
+    let yard = client.map_stats("yard").await.unwrap();
+    assert_eq!((yard.stats.frames, yard.counts.integrated), (1, 1));
+    let robot = &yard.robots[0];
+    assert_eq!((robot.robot_id.as_str(), robot.counts.integrated), ("recording", 1));
+    let room = Synthetic::room(100).with_width(64);
+    let sent = room.load(3, false).unwrap();
+    assert_eq!(robot.newest.world_from_camera, sent.world_from_camera);
+    assert_eq!(robot.newest.intrinsics, sent.intrinsics);
+    let other = client.map_stats(DEFAULT_MAP).await.unwrap();
+    assert_eq!((other.stats.frames, other.counts.received, other.robots.len()), (0, 0, 0));
+
+    let error = client.delete_map(DEFAULT_MAP).await.expect_err("it stays").to_string();
+    assert!(error.contains("can be reset"), "{error}");
+    drop((frames, acks));
+    server.stop().await.1.unwrap();
+    let server = start(|settings| settings.storage.path = path.clone()).await;
+    assert_eq!(server.client.map_stats("yard").await.unwrap().stats.frames, 1, "it was saved");
+    server.client.delete_map("yard").await.unwrap();
+    assert!(!path.join("yard").exists());
+    let gone = server.client.map_stats("yard").await.expect_err("gone");
+    assert_eq!(gone.status(), Status::NotFound);
+    server.client.delete_map("yard").await.expect_err("only once");
+    server.client.create_map("yard", fine).await.unwrap();
+    assert_eq!(server.client.map_stats("yard").await.unwrap().stats.frames, 0);
+    server.stop().await.1.unwrap();
 }

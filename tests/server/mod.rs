@@ -19,10 +19,10 @@ use orenx::client::Client;
 use orenx::config::{MapSettings, ServerConfig, Settings};
 use orenx::dataset::Dataset;
 use orenx::dataset::synthetic::Synthetic;
-use orenx::engine::{Engine, QueuePolicy};
+use orenx::engine::QueuePolicy;
 use orenx::error::Result;
 use orenx::serve::Listeners;
-use orenx::service::{DEFAULT_MAP, Service};
+use orenx::service::{DEFAULT_MAP, Mappers, Service};
 use orenx::wire::{frame_to_wire, v1};
 use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinHandle;
@@ -38,7 +38,7 @@ pub(crate) struct Running {
     pub(crate) client: Client,
     pub(crate) channel: Channel,
     pub(crate) service: Arc<Service>,
-    engine: Engine,
+    mappers: Mappers,
     shutdown: oneshot::Sender<()>,
     serving: JoinHandle<Result<()>>,
 }
@@ -48,7 +48,7 @@ impl Running {
     pub(crate) async fn stop(self) -> (Result<()>, Result<()>) {
         let _ = self.shutdown.send(());
         let served = self.serving.await.unwrap();
-        (served, self.engine.stop())
+        (served, self.mappers.stop())
     }
 }
 
@@ -67,14 +67,14 @@ pub(crate) async fn start(change: impl FnOnce(&mut Settings)) -> Running {
     let listeners = Listeners::bind(&config).await.unwrap();
     let url = format!("http://{}", listeners.grpc_address().unwrap());
     let http = listeners.http_address().unwrap().to_string();
-    let (service, engine) = Service::start(&config, map).unwrap();
+    let (service, mappers) = Service::start(&config, map).unwrap();
     let (shutdown, stopped) = oneshot::channel::<()>();
     let serving = tokio::spawn(orenx::serve::run(listeners, service.clone(), async {
         let _ = stopped.await;
     }));
     let client = Client::connect(&url).await.unwrap();
     let channel = Channel::from_shared(url.clone()).unwrap().connect().await.unwrap();
-    Running { url, http, client, channel, service, engine, shutdown, serving }
+    Running { url, http, client, channel, service, mappers, shutdown, serving }
 }
 
 /// A good frame of a small room, as a message.

@@ -270,7 +270,8 @@ impl Pump {
         match Attachment::from_bytes(&attachment.to_bytes()) {
             Ok(next) => {
                 let last = self.last.replace(next);
-                self.service.lose_frames(last.map_or(0, |last| next.lost_since(&last)));
+                let lost = last.map_or(0, |last| next.lost_since(&last));
+                self.service.lose_frames(&self.map_id, lost);
             }
             Err(error) => self.complaints.note("an attachment", &error.to_string()),
         }
@@ -278,7 +279,7 @@ impl Pump {
 
     fn refuse(&self, error: Error, arrived: Instant) {
         self.complaints.note("a frame", &error.to_string());
-        self.service.refuse_frame(error, self.sink(), arrived);
+        self.service.refuse_frame(&self.map_id, error, self.sink(), arrived);
     }
 
     fn sink(&self) -> Box<dyn FrameSink> {
@@ -305,7 +306,7 @@ impl Pump {
             Outcome::Crowded(why, arrived) => {
                 self.complaints.note("a frame gave way to newer ones", &why);
                 let verdict = Verdict::Dropped(Reason::Replaced);
-                self.service.settle_frame(verdict, self.sink(), arrived);
+                self.service.settle_frame(&self.map_id, verdict, self.sink(), arrived);
             }
         }
     }

@@ -61,6 +61,7 @@ pub(super) async fn publish(bus: Bus, map_id: String, mut acks: mpsc::Receiver<A
 pub(super) struct AckSink {
     acks: Acks,
     service: Arc<Service>,
+    map_id: String,
     frame: FrameSummary,
     key: FrameKey,
     queue: Queue,
@@ -71,12 +72,13 @@ impl AckSink {
     pub(super) fn new(
         acks: Acks,
         service: Arc<Service>,
+        map_id: &str,
         frame: FrameSummary,
         key: FrameKey,
         queue: Queue,
         arrived: Instant,
     ) -> Box<Self> {
-        Box::new(Self { acks, service, frame, key, queue, arrived })
+        Box::new(Self { acks, service, map_id: map_id.into(), frame, key, queue, arrived })
     }
 
     /// The sink of a frame whose sender nobody knows.
@@ -85,7 +87,7 @@ impl AckSink {
     }
 
     fn ack(&self, verdict: Option<&Verdict>) {
-        let newest = self.service.newest();
+        let newest = self.service.newest(&self.map_id);
         let spent = self.arrived.elapsed();
         let ack = ack_to_wire(&self.frame, verdict, newest, &self.queue, spent);
         self.acks.send((self.key.clone(), ack));

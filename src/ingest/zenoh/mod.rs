@@ -114,7 +114,7 @@ impl Gate {
         let Some(key) = self.bus.keys().read_frame(&self.map_id, sample.key_expr().as_str()) else {
             // Only a key that has wildcards itself comes here; there is nobody to be told.
             let error = Error::invalid("key", "must name one robot and one sensor");
-            self.service.refuse_frame(error, AckSink::silent(), arrived);
+            self.service.refuse_frame(&self.map_id, error, AckSink::silent(), arrived);
             return;
         };
         match self.read(&sample, &key, arrived) {
@@ -126,7 +126,7 @@ impl Gate {
                     seq,
                 };
                 let sink = self.sink(summary, key, arrived);
-                self.service.refuse_frame(error, sink, arrived);
+                self.service.refuse_frame(&self.map_id, error, sink, arrived);
             }
         }
     }
@@ -161,7 +161,7 @@ impl Gate {
     /// Puts a frame into the queue of its sensor, and sees to it that somebody takes it out.
     fn enqueue(self: &Arc<Self>, key: FrameKey, arrival: Arrival) {
         let entered = self.inbox().enter(&key, arrival, || self.service.session());
-        self.service.lose_frames(entered.lost);
+        self.service.lose_frames(&self.map_id, entered.lost);
         for arrival in entered.replaced {
             self.settle(Verdict::Dropped(Reason::Replaced), &arrival);
         }
@@ -200,7 +200,7 @@ impl Gate {
                 let service = &self.service;
                 service.submit_frame(session, &map_id, incoming.frame, policy, sink, arrived).await;
             }
-            Err(error) => self.service.refuse_frame(error, sink, arrived),
+            Err(error) => self.service.refuse_frame(&self.map_id, error, sink, arrived),
         }
     }
 
@@ -210,11 +210,19 @@ impl Gate {
             sensor_id: arrival.head.sensor_id.clone(),
         };
         let sink = self.sink(arrival.head.summary(), key, arrival.arrived);
-        self.service.settle_frame(verdict, sink, arrival.arrived);
+        self.service.settle_frame(&self.map_id, verdict, sink, arrival.arrived);
     }
 
     fn sink(&self, frame: FrameSummary, key: FrameKey, arrived: Instant) -> Box<AckSink> {
         let queue = self.service.queue(&self.map_id, &key.robot_id, &key.sensor_id);
-        AckSink::new(self.acks.clone(), self.service.clone(), frame, key, queue, arrived)
+        AckSink::new(
+            self.acks.clone(),
+            self.service.clone(),
+            &self.map_id,
+            frame,
+            key,
+            queue,
+            arrived,
+        )
     }
 }

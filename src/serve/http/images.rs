@@ -9,7 +9,7 @@ use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
 use axum::response::Response;
 use bytes::Bytes;
 use glam::{DQuat, DVec3};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use utoipa::ToSchema;
 
 use super::body::{Most, Parts, receive};
@@ -57,9 +57,9 @@ pub(super) struct RenderRequest {
 
 /// Where the camera is and where it looks: p_world = rotation · p_camera + translation. Camera axes
 /// are optical: x right, y down, z forward.
-#[derive(Debug, Deserialize, ToSchema)]
+#[derive(Debug, Deserialize, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-struct CameraPose {
+pub(super) struct CameraPose {
     #[schema(schema_with = schemas::translation)]
     translation: [f64; 3],
     #[schema(schema_with = schemas::rotation)]
@@ -67,9 +67,9 @@ struct CameraPose {
 }
 
 /// A pinhole camera without distortion, in pixels; an integer pixel is a pixel's centre.
-#[derive(Debug, Deserialize, ToSchema)]
+#[derive(Debug, Deserialize, Serialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-struct CameraIntrinsics {
+pub(super) struct CameraIntrinsics {
     #[schema(minimum = 0.01, maximum = 1e6)]
     fx: f64,
     #[schema(minimum = 0.01, maximum = 1e6)]
@@ -84,6 +84,18 @@ struct CameraIntrinsics {
     #[serde(deserialize_with = "pixels")]
     #[schema(minimum = 1, maximum = 4096)]
     height: u32,
+}
+
+impl From<Pose> for CameraPose {
+    fn from(pose: Pose) -> Self {
+        Self { translation: pose.translation.to_array(), rotation: pose.rotation.to_array() }
+    }
+}
+
+impl From<Intrinsics> for CameraIntrinsics {
+    fn from(k: Intrinsics) -> Self {
+        Self { fx: k.fx, fy: k.fy, cx: k.cx, cy: k.cy, width: k.width, height: k.height }
+    }
 }
 
 /// What an image shows: `color` in sRGB, black where there is none; `depth` along the optical axis, 0

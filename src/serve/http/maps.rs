@@ -1,20 +1,28 @@
-//! Which maps there are, how they are, and the way back to an empty one.
+//! Which maps there are, how they are, and how they come and go.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
-use axum::extract::State;
-use axum::response::Response;
-use serde::Serialize;
+use axum::extract::{Request, State};
+use axum::http::StatusCode;
+use axum::response::{IntoResponse, Response};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use utoipa::ToSchema;
 
-use super::openapi::{self, MapRefusals};
+use super::body::{Most, receive};
+use super::images::{CameraIntrinsics, CameraPose};
+use super::openapi::{self, ChangeRefusals, MapRefusals};
+use super::parse::parse;
 use super::refusal::Refusal;
 use super::{Edge, MapId, json, schemas};
 use crate::config::name_of;
 use crate::engine::Reason;
-use crate::service::{MapSummary, Service};
+use crate::service::{self, MapSummary, Service};
+
+/// The largest body of settings, bytes.
+const SETTINGS_BYTES: usize = 16 << 10;
 
 #[derive(Debug, Serialize, ToSchema)]
 pub(super) struct MapList {
@@ -37,6 +45,11 @@ struct Map {
     bounds: Option<Bounds>,
     /// The fields that the map holds: "sdf", "occupancy", …
     modalities: Vec<String>,
+    /// Why the map is not served: its file could not be loaded, and stays as it is. Absent if it is
+    /// served.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = String, required = false)]
+    problem: Option<String>,
 }
 
 /// A box, world metres.
@@ -46,6 +59,22 @@ struct Bounds {
     min: [f32; 3],
     #[schema(schema_with = schemas::triple)]
     max: [f32; 3],
+}
+
+/// How a map is made.
+#[derive(Debug, Default, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct NewMap {
+    /// What is to differ from the server's own `[map]` settings, by the names there.
+    #[serde(default)]
+    #[schema(value_type = Option<HashMap<String, Object>>)]
+    settings: BTreeMap<String, Value>,
+}
+
+#[derive(Debug, Serialize, ToSchema)]
+pub(super) struct MapDeleted {
+    /// Time spent in the server, microseconds.
+    server_us: u64,
 }
 
 #[derive(Debug, Serialize, ToSchema)]
@@ -91,10 +120,25 @@ pub(super) struct MapStats {
     /// Wall time of the last frame by stage, ms.
     stages_ms: BTreeMap<String, f32>,
     counts: FrameCounts,
+    /// The robots whose good frames came since the server started, by id; at most 256.
+    robots: Vec<RobotReport>,
     /// Memory held by the process; 0 where the system does not tell.
     resident_bytes: u64,
     /// Time spent in the server, microseconds.
     server_us: u64,
+}
+
+/// What one robot sent to one map.
+#[derive(Debug, Serialize, ToSchema)]
+struct RobotReport {
+    robot_id: String,
+    counts: FrameCounts,
+    /// The capture time of its newest good frame, Unix ns, by the robot's clock.
+    newest_stamp_ns: i64,
+    /// Where its camera stood then, and what camera it was.
+    sensor_id: String,
+    world_from_camera: CameraPose,
+    intrinsics: CameraIntrinsics,
 }
 
 /// Frames since the server started; received is the sum of the others.
@@ -139,18 +183,52 @@ pub(super) async fn detail(
     MapId(map_id): MapId,
 ) -> Result<Response, Refusal> {
     let started = Instant::now();
-    let detail = edge.service()?.map_detail(&map_id)?;
-    let config = detail.config;
-    let settings = MadeWith {
-        profile: name_of(config.profile),
-        schedule: name_of(config.schedule),
-        prior: name_of(config.prior),
-        r0_m: config.r0_m,
-        max_distance_m: config.max_distance_m,
-        seed: config.seed,
-        memory_mib: config.memory_mib,
-    };
-    json(&MapDetail { map: detail.summary.into(), settings, server_us: since(started) })
+    json(&MapDetail::of(edge.service()?.map_detail(&map_id)?, started))
+}
+
+/// Makes an empty map
+///
+/// If the server has a storage folder, the map is on disk before it is served. 409 if there is one of
+/// this name, 429 beyond `server.max_maps`. The body may be left out.
+#[utoipa::path(put, path = "/v1/maps/{map}", tag = "maps",
+    params(openapi::MapPath), request_body = Option<NewMap>,
+    responses((status = 201, description = "The new map.", body = MapDetail), ChangeRefusals))]
+pub(super) async fn create(
+    State(edge): State<Arc<Edge>>,
+    MapId(map_id): MapId,
+    request: Request,
+) -> Result<Response, Refusal> {
+    let started = Instant::now();
+    let most = Most { bytes: SETTINGS_BYTES, what: "settings of a map".into() };
+    let received = receive::<u8>(request.into_body(), most, &edge.limits, &edge.memory).await?;
+    let asked = if received.bytes == 0 { NewMap::default() } else { parse(&received.values)? };
+    let settings = asked.settings.into_iter().map(|(key, value)| (key, as_written(value)));
+    let detail = edge.service()?.create_map(&map_id, &settings.collect()).await?;
+    Ok((StatusCode::CREATED, json(&MapDetail::of(detail, started))?).into_response())
+}
+
+/// A setting as it is written in a flag: text without its quotes, a list with commas.
+fn as_written(value: Value) -> String {
+    match value {
+        Value::String(text) => text,
+        Value::Array(list) => list.into_iter().map(as_written).collect::<Vec<_>>().join(","),
+        other => other.to_string(),
+    }
+}
+
+/// Deletes a map and all that is stored of it
+///
+/// Questions that are under way are answered. The map "default" stays: it can be reset.
+#[utoipa::path(delete, path = "/v1/maps/{map}", tag = "maps",
+    params(openapi::MapPath),
+    responses((status = 200, description = "It is gone.", body = MapDeleted), ChangeRefusals))]
+pub(super) async fn delete(
+    State(edge): State<Arc<Edge>>,
+    MapId(map_id): MapId,
+) -> Result<Response, Refusal> {
+    let started = Instant::now();
+    edge.service()?.delete_map(&map_id).await?;
+    json(&MapDeleted { server_us: since(started) })
 }
 
 /// Sizes, counters and timings of one map
@@ -167,7 +245,7 @@ pub(super) async fn stats(
 fn stats_of(service: &Service, map_id: &str) -> Result<MapStats, Refusal> {
     let started = Instant::now();
     let report = service.map_stats(map_id)?;
-    let (stats, counts) = (report.stats, report.counts);
+    let stats = report.stats;
     Ok(MapStats {
         map: report.summary.into(),
         frames: stats.frames,
@@ -181,14 +259,8 @@ fn stats_of(service: &Service, map_id: &str) -> Result<MapStats, Refusal> {
         voxels_refused: stats.voxels_refused,
         losses: numbers(stats.losses),
         stages_ms: numbers(stats.stages_ms),
-        counts: FrameCounts {
-            received: counts.received,
-            integrated: counts.integrated,
-            dropped: by_reason(&counts.dropped),
-            rejected: by_reason(&counts.rejected),
-            waiting: counts.waiting,
-            lost: counts.lost,
-        },
+        counts: report.counts.into(),
+        robots: report.robots.into_iter().map(RobotReport::from).collect(),
         resident_bytes: report.resident_bytes,
         server_us: since(started),
     })
@@ -212,6 +284,50 @@ pub(super) async fn reset(
     json(&MapReset { epoch, frames_dropped, server_us: since(started) })
 }
 
+impl MapDetail {
+    fn of(detail: service::MapDetail, started: Instant) -> Self {
+        let config = detail.config;
+        let settings = MadeWith {
+            profile: name_of(config.profile),
+            schedule: name_of(config.schedule),
+            prior: name_of(config.prior),
+            r0_m: config.r0_m,
+            max_distance_m: config.max_distance_m,
+            seed: config.seed,
+            memory_mib: config.memory_mib,
+        };
+        Self { map: detail.summary.into(), settings, server_us: since(started) }
+    }
+}
+
+impl From<service::FrameCounts> for FrameCounts {
+    fn from(counts: service::FrameCounts) -> Self {
+        Self {
+            received: counts.received,
+            integrated: counts.integrated,
+            dropped: by_reason(&counts.dropped),
+            rejected: by_reason(&counts.rejected),
+            waiting: counts.waiting,
+            lost: counts.lost,
+        }
+    }
+}
+
+impl From<service::RobotReport> for RobotReport {
+    fn from(report: service::RobotReport) -> Self {
+        let service::Sighting { sensor_id, stamp_ns, world_from_camera, intrinsics } =
+            report.newest;
+        Self {
+            robot_id: report.robot_id,
+            counts: report.counts.into(),
+            newest_stamp_ns: stamp_ns,
+            sensor_id,
+            world_from_camera: world_from_camera.into(),
+            intrinsics: intrinsics.into(),
+        }
+    }
+}
+
 impl From<MapSummary> for Map {
     fn from(map: MapSummary) -> Self {
         let (min, max) = (map.bounds.min.to_array(), map.bounds.max.to_array());
@@ -221,6 +337,7 @@ impl From<MapSummary> for Map {
             newest_stamp_ns: map.newest_stamp_ns,
             bounds: (!map.bounds.is_empty()).then_some(Bounds { min, max }),
             modalities: map.modalities,
+            problem: (!map.problem.is_empty()).then_some(map.problem),
         }
     }
 }

@@ -5,7 +5,7 @@ use std::fmt::{Display, Write};
 use super::super::zenoh::Tally;
 use super::Edge;
 use crate::engine::Reason;
-use crate::service::{DEFAULT_MAP, FrameCounts, Service};
+use crate::service::{FrameCounts, MapReport, Service};
 use crate::telemetry::{BOUNDS_S, Distribution, resident_bytes};
 
 /// Labels of a sample. Values are our own names, in which nothing must be escaped.
@@ -67,31 +67,40 @@ fn queries(page: &mut Page, service: &Service) {
 }
 
 fn maps(page: &mut Page, service: &Service) {
-    let Ok(report) = service.map_stats(DEFAULT_MAP) else { return };
-    let (stats, map) = (&report.stats, &report.summary);
-    let labels: Labels = &[("map", map.map_id.as_str())];
-    for (name, kind, help, value) in [
-        ("orenx_map_epoch", "gauge", "The newest published epoch.", map.epoch),
-        ("orenx_map_frames", "gauge", "Frames in the map.", stats.frames),
-        ("orenx_map_bytes", "gauge", "Memory held by the map.", stats.map_bytes),
-        ("orenx_map_voxels", "gauge", "Voxels.", stats.voxels),
-        ("orenx_map_rows", "gauge", "Vertices with values.", stats.rows),
-        ("orenx_map_surfels", "gauge", "Surface elements.", stats.surfels),
-        ("orenx_map_key_frames", "gauge", "Views kept for training.", stats.key_frames),
-        ("orenx_map_steps_total", "counter", "Training steps taken.", stats.steps),
+    let maps = service.list_maps();
+    let reports: Vec<MapReport> =
+        maps.iter().filter_map(|map| service.map_stats(&map.map_id).ok()).collect();
+    page.gauge("orenx_maps", "Maps, also those that are not served.", maps.len());
+    page.gauge("orenx_maps_closed", "Maps that could not be loaded.", maps.len() - reports.len());
+    type Value = fn(&MapReport) -> u64;
+    let families: [(&str, &str, &str, Value); 9] = [
+        ("orenx_map_epoch", "gauge", "The newest published epoch.", |m| m.summary.epoch),
+        ("orenx_map_frames", "gauge", "Frames in the map.", |m| m.stats.frames),
+        ("orenx_map_bytes", "gauge", "Memory held by the map.", |m| m.stats.map_bytes),
+        ("orenx_map_voxels", "gauge", "Voxels.", |m| m.stats.voxels),
+        ("orenx_map_rows", "gauge", "Vertices with values.", |m| m.stats.rows),
+        ("orenx_map_surfels", "gauge", "Surface elements.", |m| m.stats.surfels),
+        ("orenx_map_key_frames", "gauge", "Views kept for training.", |m| m.stats.key_frames),
+        ("orenx_map_steps_total", "counter", "Training steps taken.", |m| m.stats.steps),
         (
             "orenx_map_voxels_refused_total",
             "counter",
             "Voxels refused because the memory budget was reached.",
-            stats.voxels_refused,
+            |m| m.stats.voxels_refused,
         ),
-    ] {
+    ];
+    for (name, kind, help, value) in families {
         page.family(name, kind, help);
-        page.sample(name, labels, value);
+        for report in &reports {
+            page.sample(name, &[("map", report.summary.map_id.as_str())], value(report));
+        }
     }
     let name = "orenx_map_newest_stamp_seconds";
     page.family(name, "gauge", "Capture time of the newest frame, Unix.");
-    page.sample(name, labels, map.newest_stamp_ns as f64 * 1e-9);
+    for MapReport { summary, .. } in &reports {
+        let stamp_s = summary.newest_stamp_ns as f64 * 1e-9;
+        page.sample(name, &[("map", summary.map_id.as_str())], stamp_s);
+    }
 }
 
 fn requests(page: &mut Page, edge: &Edge) {

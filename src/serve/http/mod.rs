@@ -170,7 +170,7 @@ fn router(edge: Arc<Edge>) -> Router {
         .route(metrics, get(probes::metrics))
         .route(openapi, get(probes::openapi))
         .route(maps, get(maps::list))
-        .route(map, get(maps::detail))
+        .route(map, get(maps::detail).put(maps::create).delete(maps::delete))
         .route(stats, get(maps::stats))
         .route(reset, post(maps::reset))
         .route(points, post(points::query))

@@ -20,7 +20,7 @@ use super::{images, language, maps, planner, points, probes, refusal, slices, sp
     servers((url = "/")),
     paths(
         probes::about, probes::healthy, probes::alive, probes::ready, probes::metrics,
-        probes::openapi, maps::list, maps::detail, maps::stats, maps::reset, points::query,
+        probes::openapi, maps::list, maps::detail, maps::create, maps::delete, maps::stats, maps::reset, points::query,
         images::render, language::text, language::embedding, language::classify,
         language::encoders, spheres::spheres, planner::trajectories, planner::rays,
         planner::nearest, voxels::grid, slices::png, slices::json, slices::bin
@@ -112,7 +112,7 @@ pub(super) struct Raw(#[expect(dead_code, reason = "stands for a body in the doc
 #[into_params(parameter_in = Path)]
 #[expect(dead_code, reason = "stands for a part of the path in the document")]
 pub(super) struct MapPath {
-    /// The map to ask: "default".
+    /// The map, as in "default".
     #[param(example = "default")]
     map: String,
 }
@@ -132,6 +132,15 @@ pub(super) struct MapRefusals;
 impl IntoResponses for MapRefusals {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
         refusals(&[404, 429])
+    }
+}
+
+/// What may be answered instead of a change.
+pub(super) struct ChangeRefusals;
+
+impl IntoResponses for ChangeRefusals {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        refusals(&[404, 408, 409, 413, 429])
     }
 }
 
@@ -175,7 +184,8 @@ fn meaning(status: u16) -> &'static str {
         406 => "NOT_ACCEPTABLE: there is no answer in the form that `accept` asks for.",
         408 => "REQUEST_TIMEOUT: the body did not arrive in time.",
         409 => {
-            "FAILED_PRECONDITION: the map is not as new as the question demands, or of another encoder."
+            "FAILED_PRECONDITION: the map is not as the request demands: not as new, of another encoder, \
+             there already, not to be loaded."
         }
         413 => "PAYLOAD_TOO_LARGE: more than the largest question takes, by `server.max_points`.",
         415 => "UNSUPPORTED_MEDIA_TYPE: the body is none of the forms that are read here.",

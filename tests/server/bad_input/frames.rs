@@ -323,7 +323,7 @@ async fn map_file(with_bad: bool) -> Vec<u8> {
     let (served, saved) = server.stop().await;
     served.unwrap();
     saved.unwrap();
-    std::fs::read(folder.path().join(format!("{DEFAULT_MAP}.orenx"))).unwrap()
+    std::fs::read(folder.path().join(DEFAULT_MAP).join("map.orenx")).unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread")]

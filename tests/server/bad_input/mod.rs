@@ -22,7 +22,7 @@ async fn well(server: &Running) -> FrameCounts {
     let points = [Vec3::ONE; 3];
     let reply = server.client.query_points(DEFAULT_MAP, &points, Fields::ALL, 0).await.unwrap();
     assert_eq!(reply.answers.state.len(), points.len());
-    server.client.map_stats(DEFAULT_MAP).await.unwrap().counts
+    server.service.frame_counts()
 }
 
 /// How many calls of `path` ended with `code`.
