@@ -35,7 +35,7 @@ lint: setup-lint
 	.venv/bin/typos
 	cd clients/python && ../../.venv/bin/ruff check . ../../deploy && ../../.venv/bin/ruff format --check . ../../deploy
 	cd clients/python && ../../.venv/bin/mypy
-	.venv/bin/python deploy/lint.py
+	deploy/lint
 
 setup:
 	.ci/setup build

@@ -50,7 +50,7 @@ class Server:
             self.log.close()
 
 
-def start(*settings: str, zenoh: bool = False) -> Server:
+def start(*settings: str, zenoh: bool = False, config: pathlib.Path | None = None) -> Server:
     """Starts a server that keeps nothing, and waits until it says where it is."""
     port = free_port()
     said = [
@@ -61,6 +61,8 @@ def start(*settings: str, zenoh: bool = False) -> Server:
         *settings,
     ]
     flags = [part for setting in said for part in ("--set", setting)]
+    if config is not None:
+        flags += ["--config", str(config)]
     # ORENX_… of the environment are settings to a server.
     env = {key: value for key, value in os.environ.items() if not key.startswith("ORENX_")}
     log = tempfile.TemporaryFile("w+")  # noqa: SIM115 (closed with the process)
