@@ -2,7 +2,7 @@
 #   make demo   set up, build, start a server, let a simulated robot map a room into it
 #   make test   set up, build, test
 # and for who changes the code:
-#   make lint   format, clippy, docs, dependencies, spelling
+#   make lint   format, clippy, docs, dependencies, spelling, the Python client, the files of deploy/
 
 # Recorded scenes for the tests that want them; a test without its data says that it is skipped.
 ORENX_TEST_DATA ?= ../shared/data
@@ -24,6 +24,8 @@ test: export ORENX_TEST_TOOLS := $(CURDIR)/.venv/bin
 test: export NODEVICE_SELECT := 1
 test: setup-test
 	cargo test $(CARGO_FLAGS)
+	ORENX_BIN=$(CURDIR)/target/release/orenx .venv/bin/python -m pytest -c clients/python/pyproject.toml \
+		clients/python/tests deploy/tests
 
 lint: setup-lint
 	cargo fmt --check
@@ -31,6 +33,9 @@ lint: setup-lint
 	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --no-deps --document-private-items
 	target/tools/bin/cargo-deny --locked check bans licenses sources
 	.venv/bin/typos
+	cd clients/python && ../../.venv/bin/ruff check . ../../deploy && ../../.venv/bin/ruff format --check . ../../deploy
+	cd clients/python && ../../.venv/bin/mypy
+	deploy/lint
 
 setup:
 	.ci/setup build
