@@ -10,6 +10,7 @@ mod planner;
 mod ros2;
 mod run;
 mod stream;
+mod watch;
 mod zenoh;
 
 pub use http::Door;

@@ -22,8 +22,10 @@ mod requests;
 mod schemas;
 mod slices;
 mod spheres;
+mod sse;
 mod stall;
 mod voxels;
+mod watches;
 
 use std::sync::{Arc, OnceLock};
 
@@ -119,7 +121,7 @@ impl Edge {
 }
 
 /// Every path, for the counters and for the tests of the document.
-const ROUTES: [&str; 24] = [
+const ROUTES: [&str; 26] = [
     "/",
     "/healthz",
     "/livez",
@@ -144,6 +146,8 @@ const ROUTES: [&str; 24] = [
     "/v1/maps/{map}/slice.png",
     "/v1/maps/{map}/slice.json",
     "/v1/maps/{map}/slice.bin",
+    "/v1/maps/{map}/watch/region",
+    "/v1/maps/{map}/watch/trajectories",
 ];
 
 fn router(edge: Arc<Edge>) -> Router {
@@ -161,7 +165,7 @@ fn router(edge: Arc<Edge>) -> Router {
         encoders,
         planners @ ..,
     ] = rest;
-    let [clear, trajectories, rays, nearest, grid, png, numbers, bin] = planners;
+    let [spheres, trajectories, rays, nearest, grid, png, numbers, bin, region, ways] = planners;
     Router::new()
         .route(root, get(probes::about))
         .route(healthz, get(probes::healthy))
@@ -179,7 +183,7 @@ fn router(edge: Arc<Edge>) -> Router {
         .route(embedding, post(language::embedding))
         .route(classify, post(language::classify))
         .route(encoders, get(language::encoders))
-        .route(clear, post(spheres::spheres))
+        .route(spheres, post(spheres::spheres))
         .route(trajectories, post(planner::trajectories))
         .route(rays, post(planner::rays))
         .route(nearest, post(planner::nearest))
@@ -187,6 +191,8 @@ fn router(edge: Arc<Edge>) -> Router {
         .route(png, get(slices::png))
         .route(numbers, get(slices::json))
         .route(bin, get(slices::bin))
+        .route(region, post(watches::region))
+        .route(ways, post(watches::trajectories))
         .fallback(|uri: Uri| async move { Refusal::no_route(uri.path()) })
         .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
             Refusal::wrong_method(method, uri.path())

@@ -8,7 +8,9 @@ use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
 use utoipa::{IntoParams, IntoResponses, OpenApi, ToSchema};
 
 use super::limits::Limits;
-use super::{images, language, maps, planner, points, probes, refusal, slices, spheres, voxels};
+use super::{
+    images, language, maps, planner, points, probes, refusal, slices, spheres, voxels, watches,
+};
 
 #[derive(OpenApi)]
 #[openapi(
@@ -23,7 +25,8 @@ use super::{images, language, maps, planner, points, probes, refusal, slices, sp
         probes::openapi, maps::list, maps::detail, maps::create, maps::delete, maps::stats, maps::reset, points::query,
         images::render, language::text, language::embedding, language::classify,
         language::encoders, spheres::spheres, planner::trajectories, planner::rays,
-        planner::nearest, voxels::grid, slices::png, slices::json, slices::bin
+        planner::nearest, voxels::grid, slices::png, slices::json, slices::bin,
+        watches::region, watches::trajectories
     ),
     components(schemas(refusal::ErrorReply)),
     tags(

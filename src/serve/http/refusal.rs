@@ -83,13 +83,21 @@ impl From<Error> for Refusal {
     }
 }
 
+impl Refusal {
+    /// What it looks like.
+    pub(super) fn json(&self) -> Vec<u8> {
+        let Self { code, field, message, .. } = self;
+        let (field, message) = (field.clone(), message.clone());
+        // Strings always serialise.
+        serde_json::to_vec(&ErrorReply { error: Problem { code, field, message } })
+            .unwrap_or_default()
+    }
+}
+
 impl IntoResponse for Refusal {
     fn into_response(self) -> Response {
-        let Self { status, code, field, message } = self;
-        // Strings always serialise.
-        let reply = ErrorReply { error: Problem { code, field, message } };
-        let body = serde_json::to_vec(&reply).unwrap_or_default();
-        let mut response = (status, body).into_response();
+        let status = self.status;
+        let mut response = (status, self.json()).into_response();
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, super::JSON);
         if matches!(status, StatusCode::TOO_MANY_REQUESTS | StatusCode::SERVICE_UNAVAILABLE) {
