@@ -9,6 +9,7 @@ mod answerer;
 pub mod ask;
 pub mod bench;
 pub mod classify;
+mod credentials;
 pub mod demo;
 pub mod doctor;
 mod encoder;

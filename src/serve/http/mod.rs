@@ -40,7 +40,9 @@ use tokio::sync::Semaphore;
 pub(crate) use self::found::Found;
 
 use super::calls::Calls;
+use super::entrance::Entrance;
 use super::zenoh::Tally;
+use crate::config::Settings;
 use crate::error::Error;
 use crate::service::Service;
 use limits::Limits;
@@ -61,6 +63,9 @@ struct Edge {
     /// Why the server is not ready any more.
     stopping: OnceLock<String>,
     limits: Limits,
+    pub(super) entrance: Arc<Entrance>,
+    /// All settings, for who asks for them.
+    written: Settings,
     /// Places of requests, and memory of their bodies.
     places: Semaphore,
     memory: Arc<Semaphore>,
@@ -69,7 +74,7 @@ struct Edge {
 }
 
 impl Edge {
-    fn new(limits: Limits) -> Self {
+    fn new(limits: Limits, entrance: Arc<Entrance>, written: Settings) -> Self {
         Self {
             service: OnceLock::new(),
             calls: OnceLock::new(),
@@ -80,6 +85,8 @@ impl Edge {
             requests: Requests::default(),
             openapi: openapi::document(&limits),
             limits,
+            entrance,
+            written,
         }
     }
 
