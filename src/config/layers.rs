@@ -68,6 +68,13 @@ impl Settings {
     }
 }
 
+impl Settings {
+    /// As a settings file of them would be. Keys are not shown.
+    pub fn shown(&self) -> Result<String> {
+        toml::to_string(self).map_err(|e| Error::Internal(format!("settings: {e}")))
+    }
+}
+
 impl MapSettings {
     /// These settings with some changed, by their names in `[map]`, each as it would be written in a flag.
     pub fn with(&self, changes: &BTreeMap<String, String>) -> Result<Self> {
@@ -262,6 +269,19 @@ mod tests {
             let error = usual.with(&changes(&[(key, value)])).expect_err(key).to_string();
             assert!(error.starts_with(&format!("settings.{key}: ")), "{error}");
         }
+    }
+
+    #[test]
+    fn settings_are_shown_as_they_are_written_and_without_keys() {
+        let file = "[[auth.keys]]\nname = \"a\"\nrole = \"read\"\nkey = \"0123456789abcdef\"\n\
+                    [server]\nlanes = 7\n";
+        let settings = layered(file, &[], &["map.steps=3"]).expect("fine");
+        let shown = settings.shown().expect("text");
+        assert!(!shown.contains("0123456789abcdef") && shown.contains("(hidden)"), "{shown}");
+        let mut back = Settings::parse(&shown, "shown").expect("a settings file");
+        assert_eq!((back.server.lanes, back.map.steps), (7, Some(3)));
+        back.auth = settings.auth.clone();
+        assert_eq!(back, settings);
     }
 
     /// Every key of the default file can be written as a variable and as a flag, and back.

@@ -18,10 +18,12 @@ pub enum LogFormat {
 pub struct LogSettings {
     pub format: LogFormat,
     pub level: String,
+    /// Where spans go over OTLP; empty: nowhere.
+    pub otlp: String,
 }
 
 impl Default for LogSettings {
     fn default() -> Self {
-        Self { format: LogFormat::Text, level: "warn".into() }
+        Self { format: LogFormat::Text, level: "warn".into(), otlp: String::new() }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -129,7 +130,7 @@ pub struct ServerConfig {
     /// Who may ask, and how much.
     pub access: AccessConfig,
     /// All settings as they were written, for who asks for them.
-    pub written: Settings,
+    pub written: Arc<Settings>,
     /// At least one.
     pub query_threads: usize,
     pub max_points: usize,
@@ -207,7 +208,7 @@ impl ServerConfig {
                 settings.limits,
                 &server.cors_origins,
             )?,
-            written: settings.clone(),
+            written: Arc::new(settings.clone()),
             query_threads,
             // The reply of the largest question must fit in one message.
             max_points: within("max_points", server.max_points, 1..=2_000_000)?,
@@ -310,7 +311,7 @@ mod tests {
             ("auth", 1),
             ("tls", 3),
             ("limits", 3),
-            ("log", 2),
+            ("log", 3),
             ("zenoh", 10),
             ("ros2", 31),
             ("storage", 1),

@@ -8,7 +8,7 @@ use tokio::net::TcpListener;
 use super::entrance::Entrance;
 use super::http::Door;
 use crate::bus::Joining;
-use crate::config::{Ros2Config, ServerConfig, is_loopback};
+use crate::config::{Ros2Config, ServerConfig, Settings, is_loopback};
 use crate::error::{Error, Result};
 
 /// The ports, open. gRPC waits for [`super::run()`]; HTTP answers probes from the start, and everything
@@ -20,6 +20,8 @@ pub struct Listeners {
     pub(super) bus: Option<Joining>,
     /// What of ROS 2 there is on it.
     pub(super) ros2: Option<Ros2Config>,
+    /// What operators may see.
+    pub(super) written: Arc<Settings>,
     /// What every connection of gRPC and HTTP passes.
     pub(super) entrance: Arc<Entrance>,
 }
@@ -38,7 +40,14 @@ impl Listeners {
             Some(bus) => Some(Joining::begin(bus).await?),
             None => None,
         };
-        Ok(Self { grpc, http, bus, ros2: config.ros2.clone(), entrance })
+        Ok(Self {
+            grpc,
+            http,
+            bus,
+            ros2: config.ros2.clone(),
+            written: config.written.clone(),
+            entrance,
+        })
     }
 
     /// Where gRPC listens.
@@ -55,7 +64,8 @@ impl Listeners {
 /// gRPC alone.
 impl From<TcpListener> for Listeners {
     fn from(grpc: TcpListener) -> Self {
-        Self { grpc, http: None, bus: None, ros2: None, entrance: Arc::new(Entrance::open()) }
+        let (written, entrance) = (Arc::default(), Arc::new(Entrance::open()));
+        Self { grpc, http: None, bus: None, ros2: None, written, entrance }
     }
 }
 

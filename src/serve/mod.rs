@@ -1,6 +1,7 @@
 //! Answers: the server's edges.
 
 mod access;
+mod admin;
 mod calls;
 mod connection;
 mod deadline;
@@ -11,6 +12,7 @@ mod incoming;
 mod listeners;
 mod mirror;
 mod planner;
+mod request_id;
 mod ros2;
 mod run;
 mod stream;

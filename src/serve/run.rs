@@ -10,7 +10,8 @@ use tonic::transport::Server;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
-use super::access::Admission;
+use super::access::{Admission, Transport};
+use super::admin::Desk;
 use super::calls::{Calls, Counting};
 use super::deadline::Deadlines;
 use super::entrance::keep_fresh;
@@ -18,10 +19,12 @@ use super::grpc::Edge;
 use super::http::Door;
 use super::incoming::Incoming;
 use super::listeners::Listeners;
+use super::request_id::Naming;
 use super::zenoh::{self, Tally};
 use crate::error::{Error, Result};
 use crate::ingest::IngestService;
 use crate::service::Service;
+use crate::wire::v1::admin_server::AdminServer;
 use crate::wire::v1::ingest_server::IngestServer;
 use crate::wire::v1::language_server::LanguageServer;
 use crate::wire::v1::maps_server::MapsServer;
@@ -50,7 +53,7 @@ pub async fn run(
     service: Arc<Service>,
     shutdown: impl Future<Output = ()>,
 ) -> Result<()> {
-    let Listeners { grpc: listener, http, bus, ros2, entrance } = listeners.into();
+    let Listeners { grpc: listener, http, bus, ros2, written, entrance } = listeners.into();
     let (close, closing) = watch::channel(false);
     let (health, health_service) = tonic_health::server::health_reporter();
     set_health(&health, ServingStatus::Serving).await;
@@ -85,6 +88,7 @@ pub async fn run(
         .concurrency_limit_per_connection(CONNECTION_REQUESTS as usize)
         .max_concurrent_streams(CONNECTION_REQUESTS)
         .http2_keepalive_interval(Some(KEEPALIVE))
+        .layer(Naming::new(Transport::Grpc))
         .layer(Counting(calls))
         .layer(Deadlines)
         .layer(Admission(entrance.gate.clone()))
@@ -96,6 +100,7 @@ pub async fn run(
         .add_service(render)
         .add_service(language)
         .add_service(planner)
+        .add_service(AdminServer::new(Desk(written)))
         .add_service(MirrorServer::new(edge.clone()))
         .add_service(MapsServer::new(edge))
         .serve_with_incoming_shutdown(Incoming::new(listener, entrance), async move {
@@ -159,6 +164,7 @@ async fn set_health(health: &HealthReporter, status: ServingStatus) {
     // The empty name stands for the server as a whole.
     for name in [
         "",
+        <AdminServer<Desk> as NamedService>::NAME,
         <IngestServer<IngestService> as NamedService>::NAME,
         <LanguageServer<Edge> as NamedService>::NAME,
         <MapsServer<Edge> as NamedService>::NAME,

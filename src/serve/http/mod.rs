@@ -1,6 +1,7 @@
 //! The HTTP edge: the verbs of `service` in JSON, raw numbers and images, probes, metrics, and the
 //! document that describes them.
 
+mod admin;
 mod body;
 mod found;
 mod guard;
@@ -26,21 +27,25 @@ mod stall;
 mod voxels;
 
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 use axum::extract::{FromRequestParts, Path};
 use axum::http::request::Parts;
-use axum::http::{HeaderValue, Method, Uri, header};
+use axum::http::{HeaderName, HeaderValue, Method, Uri, header};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
+use axum::routing::{get, post, put};
 use axum::{Router, middleware};
 use bytes::Bytes;
 use serde::Serialize;
 use tokio::sync::Semaphore;
+use tower_http::cors::{Any as AnyHeader, CorsLayer};
 
 pub(crate) use self::found::Found;
 
+use super::access::{KEY_HEADER, Transport};
 use super::calls::Calls;
 use super::entrance::Entrance;
+use super::request_id::{GIVEN as GIVEN_ID, Naming};
 use super::zenoh::Tally;
 use crate::config::Settings;
 use crate::error::Error;
@@ -50,6 +55,8 @@ pub use listen::Door;
 use refusal::Refusal;
 use requests::Requests;
 
+/// How long a browser may keep what it was told of who may ask.
+const PREFLIGHT: Duration = Duration::from_secs(600);
 const JSON: HeaderValue = HeaderValue::from_static("application/json");
 
 /// What all requests share.
@@ -65,7 +72,7 @@ struct Edge {
     limits: Limits,
     pub(super) entrance: Arc<Entrance>,
     /// All settings, for who asks for them.
-    written: Settings,
+    written: Arc<Settings>,
     /// Places of requests, and memory of their bodies.
     places: Semaphore,
     memory: Arc<Semaphore>,
@@ -74,7 +81,7 @@ struct Edge {
 }
 
 impl Edge {
-    fn new(limits: Limits, entrance: Arc<Entrance>, written: Settings) -> Self {
+    fn new(limits: Limits, entrance: Arc<Entrance>, written: Arc<Settings>) -> Self {
         Self {
             service: OnceLock::new(),
             calls: OnceLock::new(),
@@ -126,13 +133,15 @@ impl Edge {
 }
 
 /// Every path, for the counters and for the tests of the document.
-const ROUTES: [&str; 24] = [
+const ROUTES: [&str; 26] = [
     "/",
     "/healthz",
     "/livez",
     "/readyz",
     "/metrics",
     "/openapi.json",
+    "/v1/config",
+    "/v1/log",
     "/v1/maps",
     "/v1/maps/{map}",
     "/v1/maps/{map}/stats",
@@ -154,7 +163,7 @@ const ROUTES: [&str; 24] = [
 ];
 
 fn router(edge: Arc<Edge>) -> Router {
-    let [root, healthz, livez, readyz, metrics, openapi, rest @ ..] = ROUTES;
+    let [root, healthz, livez, readyz, metrics, openapi, config, log, rest @ ..] = ROUTES;
     let [
         maps,
         map,
@@ -169,13 +178,16 @@ fn router(edge: Arc<Edge>) -> Router {
         planners @ ..,
     ] = rest;
     let [clear, trajectories, rays, nearest, grid, png, numbers, bin] = planners;
-    Router::new()
+    let cors = cors(&edge.written.server.cors_origins);
+    let router = Router::new()
         .route(root, get(probes::about))
         .route(healthz, get(probes::healthy))
         .route(livez, get(probes::alive))
         .route(readyz, get(probes::ready))
         .route(metrics, get(probes::metrics))
         .route(openapi, get(probes::openapi))
+        .route(config, get(admin::config))
+        .route(log, put(admin::log))
         .route(maps, get(maps::list))
         .route(map, get(maps::detail).put(maps::create).delete(maps::delete))
         .route(stats, get(maps::stats))
@@ -198,8 +210,34 @@ fn router(edge: Arc<Edge>) -> Router {
         .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
             Refusal::wrong_method(method, uri.path())
         })
-        .layer(middleware::from_fn_with_state(edge.clone(), guard::guard))
-        .with_state(edge)
+        .layer(middleware::from_fn_with_state(edge.clone(), guard::guard));
+    // What comes last is passed first.
+    let router = match cors {
+        Some(cors) => router.layer(cors),
+        None => router,
+    };
+    router.layer(Naming::new(Transport::Http)).with_state(edge)
+}
+
+/// What browsers are told of other sites' pages, if any may ask.
+fn cors(origins: &[String]) -> Option<CorsLayer> {
+    let origins: Vec<HeaderValue> = origins.iter().filter_map(|site| site.parse().ok()).collect();
+    let may_send = [
+        header::ACCEPT,
+        header::AUTHORIZATION,
+        header::CONTENT_TYPE,
+        HeaderName::from_static(KEY_HEADER),
+        HeaderName::from_static(guard::TIMEOUT),
+        HeaderName::from_static(GIVEN_ID),
+    ];
+    (!origins.is_empty()).then(|| {
+        CorsLayer::new()
+            .allow_origin(origins)
+            .allow_methods([Method::GET, Method::POST, Method::PUT, Method::DELETE])
+            .allow_headers(may_send)
+            .expose_headers(AnyHeader)
+            .max_age(PREFLIGHT)
+    })
 }
 
 /// The map that a path names.

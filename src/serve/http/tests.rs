@@ -24,7 +24,7 @@ async fn open(change: impl FnOnce(&mut Limits)) -> (Door, Mappers) {
     let mut limits = Limits::new(POINTS, 4_000_000);
     change(&mut limits);
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
-    let edge = Edge::new(limits, Arc::new(Entrance::open()), settings);
+    let edge = Edge::new(limits, Arc::new(Entrance::open()), Arc::new(settings));
     let door = Door::within(listener, edge).expect("open");
     door.serve(service, Arc::default(), None);
     (door, engine)
