@@ -7,6 +7,7 @@
     reason = "a test reports by panicking, and says on stderr what it skips"
 )]
 
+mod access; // keys and roles, TLS, limits of one client
 mod ask_command; // what `orenx ask` and `orenx classify` find, draw and refuse
 mod bad_files; // damaged maps, points, recordings and settings on the command line
 mod bench_command; // what `orenx bench serve` and `planner` measure

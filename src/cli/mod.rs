@@ -9,6 +9,8 @@ mod answerer;
 pub mod ask;
 pub mod bench;
 pub mod classify;
+pub mod config;
+mod credentials;
 pub mod demo;
 pub mod doctor;
 mod encoder;
@@ -53,6 +55,7 @@ enum Command {
     Bench(bench::BenchArgs),
     Ablate(ablate::AblateArgs),
     Doctor(doctor::DoctorArgs),
+    Config(config::ConfigArgs),
 }
 
 /// Without a session there is no display. A layer of Mesa asks it all the same which GPU it is on,
@@ -69,8 +72,12 @@ fn no_display() {
 /// code 2, as clap does.
 pub fn run() -> ExitCode {
     no_display();
-    crate::telemetry::log_to_stderr();
-    let result = match Arguments::parse().command {
+    let command = Arguments::parse().command;
+    // A server has settings of its log.
+    if !matches!(command, Command::Serve(_)) {
+        crate::telemetry::log_to_stderr();
+    }
+    let result = match command {
         Command::Demo(arguments) => arguments.run(),
         Command::Serve(arguments) => arguments.run(),
         Command::Stream(arguments) => arguments.run(),
@@ -85,7 +92,9 @@ pub fn run() -> ExitCode {
         Command::Bench(arguments) => arguments.run(),
         Command::Ablate(arguments) => arguments.run(),
         Command::Doctor(arguments) => arguments.run(),
+        Command::Config(arguments) => arguments.run(),
     };
+    crate::telemetry::end_log();
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -12,6 +12,7 @@ use super::{Call, Service};
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, MAX_COORDINATE_M};
 use crate::map::{Costs, Fields, LevelShape, MapView};
+use crate::octree::PointGrid;
 
 /// Heights of a band at most.
 const MAX_HEIGHTS: u32 = 256;
@@ -127,12 +128,6 @@ struct SliceTask {
     costs: Option<Costs>,
 }
 
-impl SliceTask {
-    fn cells_of_chunk(&self) -> usize {
-        (CHUNK / self.shape.heights.len().max(1)).max(1)
-    }
-}
-
 impl Task for SliceTask {
     type Part = Vec<f32>;
     type Answer = Level;
@@ -142,13 +137,12 @@ impl Task for SliceTask {
     }
 
     fn chunks(&self) -> usize {
-        self.shape.cells().div_ceil(self.cells_of_chunk()).max(1)
+        self.shape.pieces(CHUNK).count()
     }
 
     fn part(&self, chunk: usize, _is_left: &(dyn Fn() -> bool + Sync)) -> Result<Vec<f32>> {
-        let size = self.cells_of_chunk();
-        let cells = chunk * size..self.shape.cells().min((chunk + 1) * size);
-        let query = |points: &[_], fields: Fields| self.view.query(points, fields);
+        let query = |grid: &PointGrid<'_>, fields: Fields| self.view.query_grid(grid, fields);
+        let cells = self.shape.pieces(CHUNK).voxels(chunk);
         Ok(self.shape.distances(&query, cells, self.unknown_m))
     }
 

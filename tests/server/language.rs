@@ -130,13 +130,18 @@ async fn labels_and_features_of_the_servers_encoder_are_taken_and_others_refused
     server.stop().await.0.unwrap();
 }
 
+/// Shows a room of chair and table to a server.
+pub(crate) async fn label(server: &Running) {
+    let frames = [0, 25, 50, 75].map(labelled_frame).to_vec();
+    for ack in verdicts(server, frames).await {
+        assert_eq!(ack.status(), FrameStatus::Integrated, "{ack:?}");
+    }
+}
+
 /// A server that saw a room of chair on the left and table on the right of each image.
 pub(crate) async fn mapped(folder: &std::path::Path) -> Running {
     let server = start(|settings| with_encoder(settings, folder)).await;
-    let frames = [0, 25, 50, 75].map(labelled_frame).to_vec();
-    for ack in verdicts(&server, frames).await {
-        assert_eq!(ack.status(), FrameStatus::Integrated, "{ack:?}");
-    }
+    label(&server).await;
     server
 }
 

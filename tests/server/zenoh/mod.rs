@@ -9,6 +9,7 @@ mod router;
 mod secure;
 mod shot;
 mod verbs;
+mod watches;
 
 use orenx::bus::{FrameKey, Slices, encoding_of};
 use orenx::client::ZenohClient;
