@@ -111,7 +111,8 @@ impl Topology {
         self.log2_sizes = state.log2_sizes.into_owned();
         self.vertices = state.vertices.into_owned();
         self.parents = vec![NO_NODE; slots.div_ceil(8)];
-        for (node, link) in self.children.iter().enumerate().filter(|(_, link)| **link & 0xff != 0) {
+        for (node, link) in self.children.iter().enumerate().filter(|(_, link)| **link & 0xff != 0)
+        {
             self.parents[(link >> 8) as usize] = node as u32;
         }
         let keys = self.vertices.iter().enumerate();
