@@ -2,6 +2,8 @@
 //! document that describes them.
 
 mod body;
+mod dashboard;
+mod events;
 mod found;
 mod guard;
 mod images;
@@ -14,6 +16,7 @@ mod metrics;
 mod openapi;
 mod options;
 mod parse;
+mod pieces;
 mod planner;
 mod points;
 mod probes;
@@ -35,7 +38,7 @@ use axum::routing::{get, post};
 use axum::{Router, middleware};
 use bytes::Bytes;
 use serde::Serialize;
-use tokio::sync::Semaphore;
+use tokio::sync::{Semaphore, watch};
 
 pub(crate) use self::found::Found;
 
@@ -60,6 +63,10 @@ struct Edge {
     zenoh: OnceLock<Arc<Tally>>,
     /// Why the server is not ready any more.
     stopping: OnceLock<String>,
+    /// The same for those who wait for it.
+    ending: watch::Sender<bool>,
+    /// Places of those who listen to events.
+    listeners: Arc<Semaphore>,
     limits: Limits,
     /// Places of requests, and memory of their bodies.
     places: Semaphore,
@@ -75,6 +82,8 @@ impl Edge {
             calls: OnceLock::new(),
             zenoh: OnceLock::new(),
             stopping: OnceLock::new(),
+            ending: watch::Sender::default(),
+            listeners: events::places(),
             places: Semaphore::new(limits.requests),
             memory: body::memory(&limits),
             requests: Requests::default(),
@@ -95,6 +104,7 @@ impl Edge {
     /// The first reason stays.
     fn stop(&self, reason: String) {
         let _ = self.stopping.set(reason);
+        self.ending.send_replace(true);
     }
 
     fn service(&self) -> Result<&Arc<Service>, Refusal> {
@@ -119,7 +129,7 @@ impl Edge {
 }
 
 /// Every path, for the counters and for the tests of the document.
-const ROUTES: [&str; 24] = [
+const ROUTES: [&str; 28] = [
     "/",
     "/healthz",
     "/livez",
@@ -144,6 +154,10 @@ const ROUTES: [&str; 24] = [
     "/v1/maps/{map}/slice.png",
     "/v1/maps/{map}/slice.json",
     "/v1/maps/{map}/slice.bin",
+    "/assets/{file}",
+    "/v1/events",
+    "/v1/maps/{map}/mesh/pieces",
+    "/v1/maps/{map}/mesh.ply",
 ];
 
 fn router(edge: Arc<Edge>) -> Router {
@@ -161,9 +175,10 @@ fn router(edge: Arc<Edge>) -> Router {
         encoders,
         planners @ ..,
     ] = rest;
-    let [clear, trajectories, rays, nearest, grid, png, numbers, bin] = planners;
+    let [clear, trajectories, rays, nearest, grid, png, numbers, bin, pages @ ..] = planners;
+    let [asset, events, pieces, ply] = pages;
     Router::new()
-        .route(root, get(probes::about))
+        .route(root, get(dashboard::root))
         .route(healthz, get(probes::healthy))
         .route(livez, get(probes::alive))
         .route(readyz, get(probes::ready))
@@ -187,6 +202,10 @@ fn router(edge: Arc<Edge>) -> Router {
         .route(png, get(slices::png))
         .route(numbers, get(slices::json))
         .route(bin, get(slices::bin))
+        .route(asset, get(dashboard::asset))
+        .route(events, get(events::events))
+        .route(pieces, get(pieces::pieces))
+        .route(ply, get(pieces::ply))
         .fallback(|uri: Uri| async move { Refusal::no_route(uri.path()) })
         .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
             Refusal::wrong_method(method, uri.path())

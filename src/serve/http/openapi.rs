@@ -8,7 +8,10 @@ use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
 use utoipa::{IntoParams, IntoResponses, OpenApi, ToSchema};
 
 use super::limits::Limits;
-use super::{images, language, maps, planner, points, probes, refusal, slices, spheres, voxels};
+use super::{
+    dashboard, events, images, language, maps, pieces, planner, points, probes, refusal, slices,
+    spheres, voxels,
+};
 
 #[derive(OpenApi)]
 #[openapi(
@@ -19,7 +22,7 @@ use super::{images, language, maps, planner, points, probes, refusal, slices, sp
         header `orenx-timeout-ms`, with any request."),
     servers((url = "/")),
     paths(
-        probes::about, probes::healthy, probes::alive, probes::ready, probes::metrics,
+        dashboard::root, dashboard::asset, events::events, pieces::pieces, pieces::ply, probes::healthy, probes::alive, probes::ready, probes::metrics,
         probes::openapi, maps::list, maps::detail, maps::create, maps::delete, maps::stats, maps::reset, points::query,
         images::render, language::text, language::embedding, language::classify,
         language::encoders, spheres::spheres, planner::trajectories, planner::rays,

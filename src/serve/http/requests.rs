@@ -9,8 +9,8 @@ use super::ROUTES;
 use crate::telemetry::{Distribution, Histogram};
 
 /// The statuses that there are. The client of a 499 left before its answer, as nginx has it.
-const STATUSES: [u16; 15] =
-    [200, 400, 403, 404, 405, 406, 408, 409, 413, 415, 429, 431, 499, 503, 504];
+const STATUSES: [u16; 17] =
+    [200, 201, 304, 400, 403, 404, 405, 406, 408, 409, 413, 415, 429, 431, 499, 503, 504];
 /// Everything else.
 const OTHER: usize = STATUSES.len();
 const CLIENT_LEFT: u16 = 499;
