@@ -3,7 +3,9 @@ import { defineConfig } from 'vitest/config';
 
 // The server behind the page while it is worked on: `npm run dev`, beside `orenx serve`.
 const server = loadEnv('', '.', 'ORENX_').ORENX_URL ?? 'http://127.0.0.1:7611';
-const proxy = { '/v1': server, '/readyz': server, '/metrics': server, '/openapi.json': server };
+// The host stays as the browser has it: the server refuses pages of other sites.
+const behind = { target: server, changeOrigin: false };
+const proxy = { '/v1': behind, '/readyz': behind, '/metrics': behind, '/openapi.json': behind };
 
 export default defineConfig({
   build: {

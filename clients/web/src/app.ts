@@ -10,7 +10,7 @@ import { Heat } from './mesh/heat';
 import type { Viewer } from './scene/viewer';
 import { Signal } from './signal';
 
-/** Triangles above which pieces stay as coarse as they are. */
+/** A finer mesh has four times the triangles; of more than these it is not loaded by itself. */
 const ENOUGH_TRIANGLES = 400_000;
 /** How often the list of maps is asked for, ms. */
 const MAPS_MS = 5_000;
@@ -34,6 +34,8 @@ export class App {
   /** A word to who looks, that goes by itself. */
   readonly notice = new Signal<string>('');
   private feed: MeshFeed | null = null;
+  private isDetailOwn = true;
+  private wasTooFine = false;
 
   constructor(readonly viewer: Viewer) {
     this.connection.stats.watch((stats) => stats && this.take(stats));
@@ -49,6 +51,7 @@ export class App {
   private take(stats: MapStats): void {
     this.history.add(stats, performance.now());
     this.viewer.update(stats.map, stats.robots);
+    this.suitDetail();
     this.feed?.follow(stats.map.epoch);
     if (stats.atoms > 0 && this.encoders.value?.map === null) void this.loadEncoders();
   }
@@ -88,24 +91,40 @@ export class App {
   }
 
   /** How finely the surface is loaded from now on. */
-  setDetail(detail: Detail): void {
-    if (detail === this.detail.value) return;
-    this.detail.set(detail);
-    this.follow();
+  setDetail(detail: Detail | 'auto'): void {
+    this.isDetailOwn = detail === 'auto';
+    this.wasTooFine = false;
+    if (detail !== 'auto') this.load(detail);
   }
 
-  private follow(): void {
+  private load(detail: Detail): void {
+    if (detail === this.detail.value) return;
+    this.detail.set(detail);
+    this.follow(this.feed?.currentGeneration);
+  }
+
+  private follow(generation = 0): void {
     this.feed?.stop();
     const mapId = this.mapId.value;
     if (mapId === null) return;
-    this.feed = new MeshFeed(this.api, mapId, this.detail.value, (pieces) => this.viewer.take(pieces));
+    this.feed = new MeshFeed(this.api, mapId, this.detail.value, (pieces) => this.viewer.take(pieces), generation);
     const epoch = this.connection.stats.value?.map.epoch;
     if (epoch !== undefined) this.feed.follow(epoch);
   }
 
-  /** Whether a finer mesh can be expected to be drawn well. */
-  get hasRoomForFine(): boolean {
-    return !this.viewer.pace.isLess && this.viewer.surface.triangles * 4 < ENOUGH_TRIANGLES * 4;
+  /** As finely as this machine draws well, unless a person said how. */
+  private suitDetail(): void {
+    const { pace, surface } = this.viewer;
+    const detail = this.detail.value;
+    if (!this.isDetailOwn) return;
+    if (detail === 'medium' && pace.isQuick && !this.wasTooFine && surface.triangles < ENOUGH_TRIANGLES) {
+      this.load('fine');
+    } else if (detail === 'fine' && (pace.isLess || surface.triangles > 4 * ENOUGH_TRIANGLES)) {
+      this.wasTooFine = true;
+      this.load('medium');
+    } else if (detail === 'medium' && pace.isLeast) {
+      this.load('coarse');
+    }
   }
 
   async loadEncoders(): Promise<void> {

@@ -3,6 +3,8 @@
 import './style/base.css';
 import './style/layout.css';
 import './style/parts.css';
+import './style/ask.css';
+import './style/phone.css';
 
 import { App } from './app';
 import { mapPath, said } from './api/http';
@@ -63,7 +65,7 @@ function build(app: App, view: HTMLElement, canvas: HTMLCanvasElement): void {
     { id: 'picture', name: 'Picture', icon: 'picture', element: picture.element },
     { id: 'maps', name: 'Maps', icon: 'maps', element: new MapsPanel(app).element },
   ];
-  const panel = new Panel(tabs, (open) => viewer.setCovered(open && wide.matches ? SIDE : 0));
+  const panel = new Panel(tabs, (open) => viewer.setCovered({ right: open && wide.matches ? SIDE : 0 }));
   const notice = h('div', { class: 'notice', role: 'status', hidden: true });
   const empty = h('div', { class: 'empty-map', hidden: true },
     h('h2', {}, 'Nothing is mapped yet'), h('p', {}, 'The room appears here as soon as a robot sends frames.'),

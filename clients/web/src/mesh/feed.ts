@@ -13,7 +13,6 @@ const INTERVAL_MS = 350;
 const SETTLE_MS = 5_000;
 
 export class MeshFeed {
-  private generation = 0;
   private since = 0;
   private epoch = -1;
   private wanted = -1;
@@ -27,7 +26,13 @@ export class MeshFeed {
     private readonly detail: Detail,
     /** Gets every answer; `fresh` ones go to an empty scene. */
     private readonly onPieces: (pieces: Pieces) => void,
+    /** Of pieces that are there, and are to be replaced one by one. */
+    private generation = 0,
   ) {}
+
+  get currentGeneration(): number {
+    return this.generation;
+  }
 
   stop(): void {
     this.stopped.abort();
@@ -46,7 +51,7 @@ export class MeshFeed {
       while (!this.stopped.signal.aborted) {
         const more = await this.askOnce();
         if (this.stopped.signal.aborted) return;
-        if (!more && this.epoch === this.wanted) break;
+        if (!more && this.epoch >= this.wanted) break;
         if (!more) await pause(INTERVAL_MS);
       }
       clearTimeout(this.settle);
@@ -71,9 +76,8 @@ export class MeshFeed {
     this.generation = pieces.generation;
     this.since = pieces.next;
     // Looks are a fifth of a second apart: an epoch that came since is asked for again.
-    this.epoch = pieces.more ? -1 : Math.max(pieces.epoch, this.epoch);
+    this.epoch = pieces.more ? -1 : pieces.epoch;
     this.onPieces(pieces);
-    if (this.epoch > this.wanted) this.wanted = this.epoch;
     return pieces.more;
   }
 }

@@ -19,7 +19,7 @@ export class FoundBoxes {
         linewidth: isChosen ? 3 : 1.6,
         color: '#ffb454',
         transparent: true,
-        opacity: isChosen ? 1 : 0.55,
+        opacity: isChosen ? 1 : 0.3,
         depthTest: !isChosen,
       });
       material.resolution.set(this.resolution.width, this.resolution.height);

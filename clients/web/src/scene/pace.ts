@@ -27,6 +27,7 @@ export class Pace {
   private times: number[] = [];
   /** After a step up that was one too many, the next one waits longer. */
   private patience = 1;
+  private proven = false;
 
   get quality(): Quality {
     return STEPS[this.step] ?? { pixels: 1, pieces: 1 };
@@ -34,6 +35,15 @@ export class Pace {
 
   get isLess(): boolean {
     return this.step > 0;
+  }
+
+  /** Whether frames came quickly, with everything drawn. */
+  get isQuick(): boolean {
+    return this.proven && this.step === 0;
+  }
+
+  get isLeast(): boolean {
+    return this.step === STEPS.length - 1;
   }
 
   /** One frame took so long from the last one; whether the quality is another now. */
@@ -45,6 +55,7 @@ export class Pace {
     if (this.times.length < wanted) return false;
     const median = [...this.times].sort((a, b) => a - b)[Math.floor(this.times.length / 2)] ?? 0;
     this.times = [];
+    this.proven = median < QUICK_MS;
     if (median > SLOW_MS && this.step < STEPS.length - 1) {
       this.step += 1;
       this.patience = Math.min(this.patience * 2, 32);

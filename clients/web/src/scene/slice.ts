@@ -29,6 +29,7 @@ export interface Slice {
 const FRAGMENT = /* glsl */ `
   uniform sampler2D cells;
   varying vec2 vAt;
+  varying vec2 vPlace;
   vec3 shade(float d) {
     vec3 inside = mix(vec3(0.93, 0.42, 0.36), vec3(0.56, 0.11, 0.22), smoothstep(0.0, 0.25, -d));
     vec3 near = mix(vec3(0.99, 0.87, 0.56), vec3(0.20, 0.72, 0.64), smoothstep(0.0, 0.45, d));
@@ -45,9 +46,11 @@ const FRAGMENT = /* glsl */ `
     if (known < 0.02) discard;
     float d = cell.r / known;
     vec3 color = shade(d);
-    color = mix(color, color * 0.62, line(d / 0.25, 0.8) * step(0.06, abs(d)));
+    // Where distances hardly change along the slice, a line of equal distance is noise.
+    float slope = smoothstep(0.12, 0.45, fwidth(d) / max(length(fwidth(vPlace)), 1e-6));
+    color = mix(color, color * 0.62, line(d / 0.25, 0.8) * step(0.06, abs(d)) * slope);
     float zero = 1.0 - smoothstep(1.1, 2.2, abs(d) / max(fwidth(d), 1e-6));
-    color = mix(color, vec3(1.0), zero);
+    color = mix(color, vec3(1.0), zero * slope);
     gl_FragColor = vec4(color, 0.88 * smoothstep(0.3, 0.7, known));
   }
 `;
@@ -64,8 +67,10 @@ export class SlicePlane {
       uniforms: { cells: { value: null } },
       vertexShader: /* glsl */ `
         varying vec2 vAt;
+        varying vec2 vPlace;
         void main() {
           vAt = uv;
+          vPlace = (modelMatrix * vec4(position, 1.0)).xy;
           gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
         }`,
       fragmentShader: FRAGMENT,

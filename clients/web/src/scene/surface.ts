@@ -74,7 +74,9 @@ const FRAGMENT = /* glsl */ `
     vec3 grey = vec3(dot(color, vec3(0.299, 0.587, 0.114)));
     color = mix(color, grey * 0.55, dimmed);
     float heat = smoothstep(0.08, 0.9, vHeat);
-    color = mix(color, mix(hot, vec3(1.0, 0.93, 0.72), heat * heat * 0.6), dimmed * heat * 0.88);
+    // Its own pattern and its light show through.
+    vec3 warm = mix(hot, vec3(1.0, 0.88, 0.55), heat * heat * 0.6) * (0.5 + 0.85 * grey) * light;
+    color = mix(color, warm, dimmed * heat * 0.92);
     gl_FragColor = vec4(color, 1.0);
   }
 `;

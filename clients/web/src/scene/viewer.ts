@@ -50,8 +50,8 @@ export class Viewer {
   private isOwn = true;
   private bounds: MapSummary['bounds'] = null;
   private followed: string | null = null;
-  /** What stands over the view at its right, in pixels: the map is centred beside it. */
-  private covered = 0;
+  /** What stands over the view at its right and below, in pixels: the map is centred beside it. */
+  private covered = { right: 0, below: 0 };
 
   constructor(
     private readonly host: HTMLElement,
@@ -114,14 +114,14 @@ export class Viewer {
     this.boxes.setSize(width, height);
     this.pointer.lines.material.resolution.set(width, height);
     this.camera.aspect = width / height;
-    if (this.covered > 0) this.camera.setViewOffset(width, height, this.covered / 2, 0, width, height);
-    else this.camera.clearViewOffset();
+    const { right, below } = this.covered;
+    this.camera.setViewOffset(width, height, right / 2, below / 2, width, height);
     this.camera.updateProjectionMatrix();
     this.invalidate();
   }
 
-  setCovered(pixels: number): void {
-    this.covered = pixels;
+  setCovered(covered: { right?: number; below?: number }): void {
+    this.covered = { ...this.covered, ...covered };
     this.resize();
   }
 
@@ -144,7 +144,10 @@ export class Viewer {
   /** What the counters say of places. */
   update(map: MapSummary, robots: RobotReport[]): void {
     this.robots.update(robots);
-    if (map.bounds) {
+    if (!map.bounds) {
+      this.bounds = null;
+      this.slice.show(null);
+    } else {
       const isNew = JSON.stringify(map.bounds) !== JSON.stringify(this.bounds);
       this.bounds = map.bounds;
       const { min, max } = map.bounds;
@@ -177,7 +180,7 @@ export class Viewer {
     if (!this.bounds) return;
     const [min, max] = [new Vector3(...this.bounds.min), new Vector3(...this.bounds.max)];
     const size = max.clone().sub(min);
-    const half = Math.tan((this.camera.fov * Math.PI) / 360) * Math.min(1, (this.camera.aspect * (this.host.clientWidth - this.covered)) / this.host.clientWidth);
+    const half = Math.tan((this.camera.fov * Math.PI) / 360) * Math.min(1, (this.camera.aspect * (this.host.clientWidth - this.covered.right)) / this.host.clientWidth);
     const radius = clamp((0.5 * Math.hypot(size.x, size.y, size.z * 0.6)) / half, 1, 1_500) * 0.98;
     this.controls.lookAt(min.add(max).multiplyScalar(0.5), radius, { yaw: 2.25, pitch: -0.78 });
   }

@@ -38,9 +38,9 @@ export class HealthPanel {
   private draw(stats: MapStats): void {
     const { samples } = this.app.history;
     this.frames.draw(samples.map((s) => s.framesPerSecond));
-    this.latency.draw(samples.map((s) => s.latencyMs), 'to be seen');
+    this.latency.draw(samples.map((s) => s.latencyMs));
     this.waiting.draw(samples.map((s) => s.waiting), 'frames');
-    this.memory.draw(samples.map((s) => s.mapBytes), `of ${bytes(stats.resident_bytes)}`);
+    this.memory.draw(samples.map((s) => s.mapBytes), `/ ${bytes(stats.resident_bytes)}`);
     this.drawLosses(stats);
     this.drawRobots(stats.robots);
     this.drawFrames(stats);

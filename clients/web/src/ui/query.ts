@@ -7,7 +7,7 @@ import { fill, h, icon, iconButton } from './dom';
 import { metres } from './numbers';
 
 /** Asked with one click, where the map has language. */
-const SUGGESTIONS = ['where is the blanket?', 'chair', 'something to sit on', 'lamp', 'plant'];
+const SUGGESTIONS = ['where is the blanket?', 'something to sit on', 'lamp', 'plant'];
 
 export class QueryBox {
   readonly element: HTMLElement;
@@ -64,6 +64,7 @@ export class QueryBox {
   private show(found: Found | null): void {
     this.results.hidden = found === null || found.answer.matches.length === 0;
     this.chips.hidden = found !== null;
+    if (this.results.hidden) this.app.viewer.setCovered({ below: 0 });
     if (!found) return;
     const { matches, server_us: spent } = found.answer;
     const best = matches[0]?.score ?? 1;
@@ -77,6 +78,7 @@ export class QueryBox {
     const list = h('ol', { class: 'matches' }, ...matches.map((match) => this.row(match, best, found.chosen)));
     const hadFocus = this.results.contains(document.activeElement);
     fill(this.results, head, list);
+    this.app.viewer.setCovered({ below: this.results.offsetHeight + this.input.offsetHeight + 32 });
     if (hadFocus) list.querySelector<HTMLElement>('[aria-current=true]')?.focus();
   }
 

@@ -36,7 +36,7 @@ export class SlicePanel {
     const form = h('form', { class: 'point-form', onsubmit: (event) => this.submit(event) },
       ...this.fields, h('button', { type: 'submit' }, 'Ask'));
     const legend = h('div', { class: 'legend', 'aria-hidden': 'true' }, h('canvas', { class: 'legend-bar', width: 240, height: 1 }),
-      h('div', { class: 'legend-marks' }, ...['−0.3', '0', '0.5', '1', '1.5 m'].map((mark) => h('span', {}, mark))));
+      h('div', { class: 'legend-marks' }, ...['−0.5', '0', '0.5', '1', '1.5 m'].map((mark) => h('span', {}, mark))));
     this.element = h('div', { class: 'slice-panel' },
       h('label', { class: 'switch', for: 'slice-on' }, this.toggle, h('span', {}, 'Draw the slice in the map')),
       h('div', { class: 'row' }, h('label', { for: 'slice-height' }, 'Height'), this.height, this.heightText),
@@ -231,7 +231,8 @@ function paint(canvas: HTMLCanvasElement, slice: Slice): void {
   distance.forEach((d, i) => {
     if (Number.isNaN(d)) return;
     const [column, row] = [i % width, height - 1 - Math.floor(i / width)];
-    const isLine = Math.abs(d) < slice.resolution * 0.7;
+    const beside = [column + 1 < width ? distance[i + 1] : d, distance[i + width] ?? d];
+    const isLine = beside.some((other) => other !== undefined && other < 0 !== d < 0);
     image.data.set([...(isLine ? ([255, 255, 255] as const) : sliceColor(d)), 255], 4 * (column + row * width));
   });
   context.putImageData(image, 0, 0);
@@ -242,7 +243,7 @@ function paintLegend(canvas: HTMLCanvasElement | null): void {
   if (!canvas || !context) return;
   const image = context.createImageData(canvas.width, 1);
   for (let i = 0; i < canvas.width; i += 1) {
-    image.data.set([...sliceColor(-0.3 + (1.8 * i) / canvas.width), 255], 4 * i);
+    image.data.set([...sliceColor(-0.5 + (2 * i) / canvas.width), 255], 4 * i);
   }
   context.putImageData(image, 0, 0);
 }

@@ -8,7 +8,12 @@ import { fill, h, iconButton } from './dom';
 import { count } from './numbers';
 
 const LOOKS: [Look, string][] = [['color', 'Colours'], ['normal', 'Normals'], ['height', 'Height']];
-const DETAILS: [Detail, string][] = [['coarse', 'Coarse'], ['medium', 'Medium'], ['fine', 'Fine']];
+const DETAILS: [Detail | 'auto', string][] = [
+  ['auto', 'As fine as runs well'],
+  ['coarse', 'Coarse'],
+  ['medium', 'Medium'],
+  ['fine', 'Fine'],
+];
 
 export class Tools {
   readonly element: HTMLElement;
@@ -21,9 +26,8 @@ export class Tools {
       app.viewer.surface.setLook(look.value as Look);
       app.viewer.invalidate();
     } }, ...LOOKS.map(([value, name]) => h('option', { value }, name)));
-    const detail = h('select', { 'aria-label': 'How finely the surface is drawn', onchange: () => app.setDetail(detail.value as Detail) },
-      ...DETAILS.map(([value, name]) => h('option', { value, selected: value === app.detail.value }, name)));
-    app.detail.watch((value) => (detail.value = value));
+    const detail = h('select', { 'aria-label': 'How finely the surface is drawn', onchange: () => app.setDetail(detail.value as Detail | 'auto') },
+      ...DETAILS.map(([value, name]) => h('option', { value }, name)));
     this.element = h('div', { class: 'tools' },
       h('div', { class: 'tool-group' },
         iconButton('fit', 'All of the map in view (F)', () => app.viewer.fit()), this.mode),
@@ -40,9 +44,10 @@ export class Tools {
 
   private draw({ triangles, framesPerSecond, less }: Drawn): void {
     const rate = framesPerSecond > 0 ? ` · ${Math.round(framesPerSecond)} frames/s` : '';
-    const text = `${count(triangles)} triangles${rate}`;
+    const text = `${count(triangles)} triangles, ${this.app.detail.value}${rate}`;
     if (text + less === this.text) return;
     this.text = text + less;
+    this.drawn.dataset.triangles = String(triangles);
     fill(this.drawn, text, less === '' ? null : h('span', { class: 'less' }, less));
   }
 }
