@@ -20,19 +20,24 @@ MONITORING = ROOT / "deploy/monitoring"
 ADDED = {"job", "instance"}
 
 
+KEY = "0123456789abcdef"
+
+
 @pytest.fixture(scope="module")
-def metrics() -> dict[str, set[str]]:
+def metrics(tmp_path_factory) -> dict[str, set[str]]:
     """The labels of every sample, by its name, once frames and questions have come."""
-    server = start(zenoh=True)
+    config = tmp_path_factory.mktemp("settings") / "orenx.toml"
+    config.write_text(f'[[auth.keys]]\nname = "test"\nrole = "admin"\nkey = "{KEY}"\n')
+    server = start(zenoh=True, config=config)
     try:
-        with orenx.connect(server.grpc) as client:
+        with orenx.connect(server.grpc, api_key=KEY) as client:
             m = client.map("default")
             m.stream_frames(scene.frames(2), "rover")
             m.query_points(np.zeros((1, 3)))
         with orenx.connect(server.zenoh) as client:
             client.map("default").query_points(np.zeros((1, 3)))
-        urllib.request.urlopen(f"{server.http}/v1/maps").close()
-        page = urllib.request.urlopen(f"{server.http}/metrics").read().decode()
+        ask(f"{server.http}/v1/maps")
+        page = ask(f"{server.http}/metrics")
     finally:
         server.stop()
     found: dict[str, set[str]] = {"up": set()}
@@ -42,6 +47,11 @@ def metrics() -> dict[str, set[str]]:
             labels = re.findall(r'(\w+)="', sample[2] or "")
             found.setdefault(sample[1], set()).update(labels)
     return found
+
+
+def ask(url: str) -> str:
+    with urllib.request.urlopen(urllib.request.Request(url, headers={"api-key": KEY})) as answer:
+        return answer.read().decode()
 
 
 def alerts() -> dict[str, str]:

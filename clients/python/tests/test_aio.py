@@ -90,6 +90,13 @@ async def test_a_watch_says_what_changes(server):
             await client.delete_map("watched")
 
 
+async def test_a_watch_is_had_over_either_transport(default):
+    updates = default.watch_region([[-2, -1, 0], [2, 1, 2]], 0.2)
+    first = await asyncio.wait_for(updates.__anext__(), PATIENCE_S)
+    assert first.bricks
+    await updates.aclose()
+
+
 async def test_nobody_there_is_said_within_the_time_given():
     with pytest.raises(orenx.UnavailableError):
         await orenx.aio.connect("grpc://127.0.0.1:1", wait_s=0.3)

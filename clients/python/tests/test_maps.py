@@ -26,3 +26,12 @@ def test_maps_come_and_go(client):
     assert "yard" not in {summary.map_id for summary in client.maps()}
     with pytest.raises(orenx.NotFoundError):
         yard.info()
+
+
+def test_operators_see_settings_and_change_the_log(client):
+    assert "[server]" in client.settings()
+    before = client.set_log_level("error")
+    assert client.set_log_level(before) == "error"
+    with pytest.raises(orenx.InvalidArgumentError) as caught:
+        client.set_log_level("loud")
+    assert caught.value.field == "level"

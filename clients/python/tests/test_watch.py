@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 import scene
+
+import orenx
 
 BOX = [[-2.5, -2.0, 0.0], [2.5, 2.0, 2.4]]
 
@@ -49,8 +52,26 @@ def test_a_path_that_becomes_unsafe_is_told(client):
         client.delete_map("paths")
 
 
-def test_a_watch_that_is_closed_ends(room, client):
-    updates = client.map("default").watch_region(BOX, 0.2)
-    next(updates)
+def test_a_watch_that_is_closed_ends(default):
+    updates = default.watch_region(BOX, 0.2)
+    first = next(updates)
+    assert first.bricks
     updates.close()
     assert list(updates) == []
+
+
+def test_a_watch_over_zenoh_tells_what_comes(server):
+    pytest.importorskip("zenoh", reason="skipped: eclipse-zenoh is not installed")
+    with orenx.connect(server.zenoh) as over_zenoh:
+        m = over_zenoh.map("default")
+        path = np.array([[1.2, 1.2, 0.5, 0, 0, 0, 1], [0.0, -0.3, 0.5, 0, 0, 0, 1]])
+        with m.watch_trajectory([[0, 0, 0, 0.2]], path, swept=True) as verdicts:
+            assert len(next(verdicts).trajectories) == 1
+        with m.watch_region(BOX, 0.1) as updates:
+            first = next(updates)
+            report = m.stream_frames(scene.frames(6), "watched")
+            last = first
+            while last.epoch < report.epoch:
+                last = next(updates)
+        with pytest.raises(orenx.InvalidArgumentError):
+            m.watch_region(BOX, 0.0)

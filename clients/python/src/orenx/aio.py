@@ -28,7 +28,7 @@ from .geometry import Box
 from .over_zenoh import PATIENCE_S, ZenohSession
 from .signatures import without_map
 from .v1 import ingest_pb2
-from .verbs import Ask, Terms, language, maps, planner, query, render, watch
+from .verbs import Ask, Terms, admin, language, maps, planner, query, render, watch
 
 P = ParamSpec("P")
 A = TypeVar("A")
@@ -94,7 +94,7 @@ class Map:
         min_interval_ms: int = 0,
         tolerance_m: float = 0.0,
     ) -> AsyncIterator[watch.RegionUpdate]:
-        """A box as it is, and then what changes in it. Over gRPC."""
+        """A box as it is, and then what changes in it."""
         ask = watch.watch_region(
             self.map_id,
             region,
@@ -114,7 +114,7 @@ class Map:
         drop_m: float = 0.0,
         **terms: Unpack[Terms],
     ) -> AsyncIterator[planner.Verdicts]:
-        """What check_trajectories says, and again when a path becomes safe or unsafe. Over gRPC."""
+        """What check_trajectories says, and again when a path becomes safe or unsafe."""
         ask = watch.watch_trajectory(
             self.map_id,
             spheres,
@@ -248,6 +248,14 @@ class Client:
         """Deletes a map and all that is stored of it."""
         await self._ask(maps.delete_map(map_id, timeout_s=timeout_s))
 
+    async def settings(self, *, timeout_s: float | None = None) -> str:
+        """The settings that the server runs on, TOML, without its keys."""
+        return await self._ask(admin.settings(timeout_s=timeout_s))
+
+    async def set_log_level(self, level: str, *, timeout_s: float | None = None) -> str:
+        """Changes what the server writes to its log; returns what it was before."""
+        return await self._ask(admin.set_log_level(level, timeout_s=timeout_s))
+
     async def close(self) -> None:
         """Ends the connection."""
         if self._channel is not None:
@@ -281,6 +289,14 @@ class Client:
         return self._channel
 
     async def _watch(self, ask: Ask[A]) -> AsyncIterator[A]:
+        if self._session is not None:
+            news = await asyncio.to_thread(self._session.watch, ask, self._timeout_s)
+            try:
+                while (said := await asyncio.to_thread(news.next_or_none)) is not None:
+                    yield ask.read(said)
+            finally:
+                news.close()
+            return
         call: Any = self._grpc().unary_stream(over_grpc.path(ask))
         started = call(ask.request, **over_grpc.options_of(self._access, None))
         try:

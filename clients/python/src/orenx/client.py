@@ -28,7 +28,7 @@ from .over_zenoh import PATIENCE_S, ZenohSession
 from .signatures import without_map
 from .stream import FrameStream
 from .v1 import ingest_pb2
-from .verbs import Ask, Terms, language, maps, planner, query, render, watch
+from .verbs import Ask, Terms, admin, language, maps, planner, query, render, watch
 
 P = ParamSpec("P")
 A = TypeVar("A")
@@ -94,7 +94,7 @@ class Map:
         min_interval_ms: int = 0,
         tolerance_m: float = 0.0,
     ) -> Watch[watch.RegionUpdate]:
-        """A box as it is, and then what changes in it. Over gRPC."""
+        """A box as it is, and then what changes in it."""
         ask = watch.watch_region(
             self.map_id,
             region,
@@ -114,7 +114,7 @@ class Map:
         drop_m: float = 0.0,
         **terms: Unpack[Terms],
     ) -> Watch[planner.Verdicts]:
-        """What check_trajectories says, and again when a path becomes safe or unsafe. Over gRPC."""
+        """What check_trajectories says, and again when a path becomes safe or unsafe."""
         ask = watch.watch_trajectory(
             self.map_id,
             spheres,
@@ -187,9 +187,12 @@ class Map:
 class Watch(Generic[A]):
     """Answers as they come: an iterator, and a context that ends the watch."""
 
-    def __init__(self, call: Any, read: Callable[[bytes], A]):
-        """Of a call under way."""
-        self._call = call
+    def __init__(
+        self, news: Iterator[bytes], cancel: Callable[[], Any], read: Callable[[bytes], A]
+    ):
+        """Of a watch under way."""
+        self._news = news
+        self._cancel = cancel
         self._read = read
         self._is_closed = False
 
@@ -200,7 +203,7 @@ class Watch(Generic[A]):
     def __next__(self) -> A:
         """Waits for the next one; ends once the watch is closed."""
         try:
-            return self._read(next(self._call))
+            return self._read(next(self._news))
         except grpc.RpcError as error:
             if self._is_closed:
                 raise StopIteration from None
@@ -209,7 +212,7 @@ class Watch(Generic[A]):
     def close(self) -> None:
         """Ends the watch; whoever waits for its next answer gets none."""
         self._is_closed = True
-        self._call.cancel()
+        self._cancel()
 
     def __enter__(self) -> Watch[A]:
         """Itself."""
@@ -264,6 +267,14 @@ class Client:
         """Deletes a map and all that is stored of it."""
         self._ask(maps.delete_map(map_id, timeout_s=timeout_s))
 
+    def settings(self, *, timeout_s: float | None = None) -> str:
+        """The settings that the server runs on, TOML, without its keys."""
+        return self._ask(admin.settings(timeout_s=timeout_s))
+
+    def set_log_level(self, level: str, *, timeout_s: float | None = None) -> str:
+        """Changes what the server writes to its log; returns what it was before."""
+        return self._ask(admin.set_log_level(level, timeout_s=timeout_s))
+
     def close(self) -> None:
         """Ends the connection."""
         if self._channel is not None:
@@ -305,9 +316,12 @@ class Client:
         return self._channel
 
     def _watch(self, ask: Ask[A]) -> Watch[A]:
+        if self._session is not None:
+            news = self._session.watch(ask, self._timeout_s)
+            return Watch(iter(news), news.close, ask.read)
         call: Any = self._grpc().unary_stream(over_grpc.path(ask))
         started = call(ask.request, **over_grpc.options_of(self._access, None))
-        return Watch(started, ask.read)
+        return Watch(started, started.cancel, ask.read)
 
     def _open_stream(self, books: Books, on_ack: Callable[[Ack], None] | None) -> FrameStream:
         if self._session is not None:

@@ -5,7 +5,10 @@ Needs the extra `orenx[zenoh]`.
 
 from __future__ import annotations
 
+import contextlib
 import json
+import queue
+from collections.abc import Iterator
 from typing import Any, Callable
 
 from .address import ENVELOPE_BYTES, MAX_MESSAGE_BYTES, Access, Zenoh
@@ -16,11 +19,13 @@ from .errors import (
     UnavailableError,
     error_of_number,
 )
-from .v1 import ingest_pb2, query_pb2
+from .v1 import ingest_pb2, planner_pb2, query_pb2
 from .verbs import Ask
 
 # How long a frame may be without a last word before it is taken for lost.
 PATIENCE_S = 10.0
+# News of a watch that may wait to be read.
+_NEWS = 64
 
 
 def _import() -> Any:
@@ -44,6 +49,58 @@ def _config(zenoh: Any, address: Zenoh) -> Any:
     ):
         config.insert_json5(key, json.dumps(value))
     return config
+
+
+class News:
+    """What is said on the key of a watch: an iterator of messages, until closed or ended."""
+
+    def __init__(self, zenoh: Any, refusal: Callable[[Any], Error]):
+        """Of a key that nobody hears yet."""
+        self.subscriber: Any = None
+        self._zenoh = zenoh
+        self._refusal = refusal
+        # A reader that is slow holds the line back, as one of gRPC does: nothing may get lost.
+        self._waiting: queue.Queue[bytes | Error | None] = queue.Queue(_NEWS)
+        self._is_closed = False
+
+    def take(self, sample: Any) -> None:
+        """One message, on a thread of the network."""
+        if sample.kind == self._zenoh.SampleKind.DELETE:
+            self._put(None)
+        elif "QueryError" in str(sample.encoding):
+            self._put(self._refusal(sample))
+        else:
+            self._put(bytes(sample.payload.to_bytes()))
+
+    def _put(self, item: bytes | Error | None) -> None:
+        while not self._is_closed:
+            try:
+                return self._waiting.put(item, timeout=0.1)
+            except queue.Full:
+                continue
+        return None
+
+    def next_or_none(self) -> bytes | None:
+        """Waits for the next message; None at the end."""
+        if self._is_closed:
+            return None
+        item = self._waiting.get()
+        if isinstance(item, Error):
+            raise item
+        return item
+
+    def __iter__(self) -> Iterator[bytes]:
+        """Its messages."""
+        while (item := self.next_or_none()) is not None:
+            yield item
+
+    def close(self) -> None:
+        """Hears nothing more; whoever waits gets the end."""
+        self._is_closed = True
+        with contextlib.suppress(queue.Full):
+            self._waiting.put_nowait(None)
+        if self.subscriber is not None:
+            self.subscriber.undeclare()
 
 
 class ZenohSession:
@@ -118,6 +175,13 @@ class ZenohSession:
 
         key = f"{self._prefix}/{map_id}/out/ack/{robot_id}/{sensor_id}"
         return self._call(self._session.declare_subscriber, key, on_sample)
+
+    def watch(self, ask: Ask[Any], timeout_s: float) -> News:
+        """Begins a watch, and hears what is new."""
+        begun = planner_pb2.WatchReply.FromString(self.ask(ask, timeout_s))
+        news = News(self._zenoh, self._refusal)
+        news.subscriber = self._call(self._session.declare_subscriber, begun.key, news.take)
+        return news
 
     def put(self, names: tuple[str, str, str], message: bytes) -> None:
         """Puts a frame; waits where the line is full."""

@@ -330,20 +330,22 @@ class WatchRegionRequest(_message.Message):
     def __init__(self, map_id: _Optional[str] = ..., region: _Optional[_Union[_geometry_pb2.Aabb, _Mapping]] = ..., voxel_m: _Optional[float] = ..., min_interval_ms: _Optional[int] = ..., tolerance_m: _Optional[float] = ..., frame_id: _Optional[str] = ...) -> None: ...
 
 class WatchRegionReply(_message.Message):
-    __slots__ = ("origin_m", "voxel_m", "size", "bricks", "epoch", "newest_stamp_ns")
+    __slots__ = ("origin_m", "voxel_m", "size", "bricks", "epoch", "newest_stamp_ns", "seq")
     ORIGIN_M_FIELD_NUMBER: _ClassVar[int]
     VOXEL_M_FIELD_NUMBER: _ClassVar[int]
     SIZE_FIELD_NUMBER: _ClassVar[int]
     BRICKS_FIELD_NUMBER: _ClassVar[int]
     EPOCH_FIELD_NUMBER: _ClassVar[int]
     NEWEST_STAMP_NS_FIELD_NUMBER: _ClassVar[int]
+    SEQ_FIELD_NUMBER: _ClassVar[int]
     origin_m: _geometry_pb2.Vector3
     voxel_m: float
     size: _containers.RepeatedScalarFieldContainer[int]
     bricks: _containers.RepeatedCompositeFieldContainer[RegionBrick]
     epoch: int
     newest_stamp_ns: int
-    def __init__(self, origin_m: _Optional[_Union[_geometry_pb2.Vector3, _Mapping]] = ..., voxel_m: _Optional[float] = ..., size: _Optional[_Iterable[int]] = ..., bricks: _Optional[_Iterable[_Union[RegionBrick, _Mapping]]] = ..., epoch: _Optional[int] = ..., newest_stamp_ns: _Optional[int] = ...) -> None: ...
+    seq: int
+    def __init__(self, origin_m: _Optional[_Union[_geometry_pb2.Vector3, _Mapping]] = ..., voxel_m: _Optional[float] = ..., size: _Optional[_Iterable[int]] = ..., bricks: _Optional[_Iterable[_Union[RegionBrick, _Mapping]]] = ..., epoch: _Optional[int] = ..., newest_stamp_ns: _Optional[int] = ..., seq: _Optional[int] = ...) -> None: ...
 
 class RegionBrick(_message.Message):
     __slots__ = ("x", "y", "z", "distance_m", "state")
@@ -368,7 +370,17 @@ class WatchTrajectoryRequest(_message.Message):
     def __init__(self, check: _Optional[_Union[CheckTrajectoriesRequest, _Mapping]] = ..., drop_m: _Optional[float] = ...) -> None: ...
 
 class WatchTrajectoryReply(_message.Message):
-    __slots__ = ("result",)
+    __slots__ = ("result", "seq")
     RESULT_FIELD_NUMBER: _ClassVar[int]
+    SEQ_FIELD_NUMBER: _ClassVar[int]
     result: CheckTrajectoriesReply
-    def __init__(self, result: _Optional[_Union[CheckTrajectoriesReply, _Mapping]] = ...) -> None: ...
+    seq: int
+    def __init__(self, result: _Optional[_Union[CheckTrajectoriesReply, _Mapping]] = ..., seq: _Optional[int] = ...) -> None: ...
+
+class WatchReply(_message.Message):
+    __slots__ = ("id", "key")
+    ID_FIELD_NUMBER: _ClassVar[int]
+    KEY_FIELD_NUMBER: _ClassVar[int]
+    id: str
+    key: str
+    def __init__(self, id: _Optional[str] = ..., key: _Optional[str] = ...) -> None: ...

@@ -90,7 +90,7 @@ def watch_region(
     )
     return Ask(
         "Planner/WatchRegion",
-        None,
+        "watch_region",
         map_id,
         "WatchRegionRequest",
         request.SerializeToString(),
@@ -117,7 +117,7 @@ def watch_trajectory(
     request.check.ParseFromString(check)
     return Ask(
         "Planner/WatchTrajectory",
-        None,
+        "watch_trajectories",
         map_id,
         "WatchTrajectoryRequest",
         request.SerializeToString(),
