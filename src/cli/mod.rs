@@ -18,6 +18,7 @@ mod invocation;
 pub mod map;
 pub mod mesh;
 mod open;
+pub mod planner;
 pub mod query;
 pub mod render;
 pub mod serve;
@@ -45,6 +46,7 @@ enum Command {
     Map(map::MapArgs),
     Eval(eval::EvalArgs),
     Query(query::QueryArgs),
+    Planner(planner::PlannerArgs),
     Slice(slice::SliceArgs),
     Mesh(mesh::MeshArgs),
     Render(render::RenderArgs),
@@ -77,6 +79,7 @@ pub fn run() -> ExitCode {
         Command::Map(arguments) => arguments.run(),
         Command::Eval(arguments) => arguments.run(),
         Command::Query(arguments) => arguments.run(),
+        Command::Planner(arguments) => arguments.run(),
         Command::Slice(arguments) => arguments.run(),
         Command::Mesh(arguments) => arguments.run(),
         Command::Render(arguments) => arguments.run(),
