@@ -17,6 +17,7 @@ mod house; // the rules of the house held against its files: floors, names, size
 mod http; // the same server over HTTP: probes, answers, bad input, the document
 mod map_command; // what `orenx map` says to bad input
 mod mapping; // the promises of a map against closed-form scenes
+mod planner_command; // `orenx planner` on a file and on the server that loaded it
 mod recordings; // real recordings through the readers
 mod render_command; // `orenx render` and the images of `orenx eval`
 mod server; // a server on a free port: frames, questions, bad input, the way down
