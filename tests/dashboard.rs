@@ -19,8 +19,8 @@ fn the_page_shows_a_map_that_grows_and_answers() {
         .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")).join("clients/web"))
         .arg("tests/browser/run.mjs")
         .env("CHROMIUM", browser)
-        .env("ORENX", env!("CARGO_BIN_EXE_orenx"))
-        .env("ORENX_ENCODER", encoder)
+        .env("PROGRAM", env!("CARGO_BIN_EXE_orenx"))
+        .env("ENCODER", encoder)
         .output()
         .expect("node");
     let said = [output.stdout, output.stderr].map(|s| String::from_utf8_lossy(&s).into_owned());

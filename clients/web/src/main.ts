@@ -33,6 +33,8 @@ interface Tab {
 /** Wide enough for a panel beside the map; what it covers there, pixels. */
 const wide = window.matchMedia('(min-width: 821px)');
 const SIDE = 360;
+/** Where keys are letters. */
+const TYPED = 'input:not([type=checkbox], [type=range]), select, textarea, dialog *';
 /** How long a word is shown, ms. */
 const NOTICE_MS = 3_500;
 
@@ -102,7 +104,7 @@ function build(app: App, view: HTMLElement, canvas: HTMLCanvasElement): void {
   };
   tabs.forEach((tab, i) => (actions[String(i + 1)] = () => panel.choose(tab.id)));
   document.addEventListener('keydown', (event) => {
-    const isTyping = event.target instanceof Element && event.target.matches('input, select, textarea, dialog *');
+    const isTyping = event.target instanceof Element && event.target.matches(TYPED);
     if (isTyping || event.ctrlKey || event.metaKey || event.altKey) return;
     const action = actions[event.key.length === 1 ? event.key.toLowerCase() : event.key];
     if (!action) return;

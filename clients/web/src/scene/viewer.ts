@@ -117,6 +117,7 @@ export class Viewer {
     const { right, below } = this.covered;
     this.camera.setViewOffset(width, height, right / 2, below / 2, width, height);
     this.camera.updateProjectionMatrix();
+    if (this.isOwn) this.fit();
     this.invalidate();
   }
 

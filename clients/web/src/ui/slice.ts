@@ -201,7 +201,7 @@ export class SlicePanel {
     this.app.viewer.invalidate();
     fill(this.reading,
       h('span', { class: 'reading-value', 'data-distance': distance ?? '' }, distance === null ? 'unknown' : metres(distance, 3)),
-      h('span', { class: `state ${state}` }, state),
+      distance !== null && h('span', { class: `state ${state}` }, state),
       h('span', { class: 'reading-rest' }, `at ${place(at)}`, gradient ? `, gradient ${place(gradient)}` : ''));
   }
 }

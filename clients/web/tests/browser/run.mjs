@@ -1,8 +1,9 @@
 // The page in a real browser, against a real server and a real stream. Prints a line a test and, at the
 // end, `N passed, N failed`.
-//   ORENX          the program (target/release/orenx)
-//   ORENX_ENCODER  the folder of a static text encoder; without it the question in words is skipped
-//   ORENX_PAGE     another address of the page, as that of `vite preview`
+//   PROGRAM        the program (target/release/orenx)
+//   ENCODER        the folder of a static text encoder; without it the question in words is skipped
+//   PAGE           another address of the page, as that of `vite preview`, and GRPC and HTTP
+//                  the ports of the server behind it
 //   CHROMIUM       the browser (/usr/bin/chromium)
 //   SHOTS          a folder for pictures of what was seen
 import { chromium } from 'playwright-core';
@@ -10,7 +11,8 @@ import { chromium } from 'playwright-core';
 import { serve, stopAll, stream } from './server.mjs';
 
 const DEADLINE_MS = 120_000;
-const { ORENX_ENCODER: encoder = '', ORENX_PAGE: preview = '', SHOTS: shots = '' } = process.env;
+const { ENCODER: encoder = '', PAGE: preview = '', SHOTS: shots = '' } = process.env;
+const { GRPC: grpc = 0, HTTP: http = 0 } = process.env;
 
 /** What the room is: its wall at x = 3, and the middle of its blanket. */
 const WALL_X = 3;
@@ -34,6 +36,12 @@ async function until(page, what, is) {
   }
 }
 
+/** Opens a page of the panel; what is open stays open. */
+async function open(page, name) {
+  const tab = page.getByRole('tab', { name });
+  if ((await tab.getAttribute('aria-selected')) !== 'true') await tab.click();
+}
+
 async function shoot(page, name) {
   if (shots) await page.screenshot({ path: `${shots}/${name}.png` });
 }
@@ -50,23 +58,18 @@ async function eye(page) {
 
 test('an empty map says so, and a room appears in it and grows', async ({ page, server }) => {
   await page.getByText('Nothing is mapped yet').waitFor();
-  stream(server.grpc, '--rate', '8', '--frames', '0..280', ...(encoder ? ['--labels'] : []));
+  const ended = stream(server.grpc, '--stride', '8', ...(encoder ? ['--labels'] : []));
   await until(page, 'the room appears', async () => (await triangles(page)) > 1000);
   const first = await triangles(page);
   await page.getByText('Nothing is mapped yet').waitFor({ state: 'hidden' });
   check((await page.locator('.label').textContent()) === 'recording', 'the robot has its name');
   await until(page, 'the room grows', async () => (await triangles(page)) > 2 * first);
   await shoot(page, 'growing');
-  await until(page, 'the stream ends', async () =>
-    page.evaluate(async () => {
-      const stats = await (await fetch('/v1/maps/default/stats')).json();
-      const { received, waiting } = stats.counts;
-      return received === 280 && waiting === 0;
-    }));
+  check((await ended) === 0, 'the robot drove to the end');
 });
 
 test('the slice shows the distance that the room has', async ({ page }) => {
-  await page.getByRole('tab', { name: 'Slice' }).click();
+  await open(page, 'Slice');
   await page.getByLabel('Draw the slice in the map').check({ force: true });
   const answer = page.waitForResponse((response) => response.url().includes('/slice.bin?z=2.2'));
   await page.getByLabel('Height', { exact: true }).fill('2.2');
@@ -96,7 +99,7 @@ test('the slice shows the distance that the room has', async ({ page }) => {
 });
 
 test('a question in words flies to the thing', async ({ page, skip }) => {
-  if (!encoder) return skip('ORENX_ENCODER is not set');
+  if (!encoder) return skip('ENCODER is not set');
   await page.keyboard.press('/');
   await page.keyboard.type('where is the blanket?');
   await page.keyboard.press('Enter');
@@ -119,8 +122,8 @@ test('a question in words flies to the thing', async ({ page, skip }) => {
 
 test('a picture from here shows something', async ({ page }) => {
   await page.keyboard.press('f');
-  await page.getByRole('tab', { name: 'Picture' }).click();
-  await page.getByLabel('Show').selectOption('normal');
+  await open(page, 'Picture');
+  await page.getByLabel('Show', { exact: true }).selectOption('normal');
   await page.getByRole('button', { name: 'Draw from here' }).click();
   await page.getByText(/drawn in .* from epoch/).waitFor();
   const lit = await page.locator('canvas.picture').evaluate((canvas) => {
@@ -131,7 +134,7 @@ test('a picture from here shows something', async ({ page }) => {
 });
 
 test('maps are made, chosen and deleted', async ({ page }) => {
-  await page.getByRole('tab', { name: 'Maps' }).click();
+  await open(page, 'Maps');
   await page.getByLabel('New map').fill('attic');
   await page.getByRole('button', { name: 'Create' }).click();
   await page.getByText('Nothing is mapped yet').waitFor();
@@ -164,7 +167,7 @@ test('it fits a phone, and nothing leaves this host', async ({ context, url, hos
   await page.goto(url);
   await until(page, 'the room is there', async () => (await triangles(page)) > 1000);
   for (const tab of ['Health', 'Slice', 'Picture', 'Maps']) {
-    await page.getByRole('tab', { name: tab }).click();
+    await open(page, tab);
     const wide = await page.evaluate(() => document.documentElement.scrollWidth);
     check(wide <= 390, `${tab} is ${wide} pixels wide`);
     await page.getByRole('tabpanel', { name: tab }).waitFor();
@@ -185,7 +188,7 @@ test('a killed server is noticed, and the page recovers', async (state) => {
   // Another server with an empty map: what the old one said is gone.
   await page.getByText('Nothing is mapped yet').waitFor();
   await until(page, 'the old room is gone', async () => (await triangles(page)) === 0);
-  stream(state.server.grpc, '--frames', '0..40', '--stride', '4');
+  stream(state.server.grpc, '--frames', '0..40', '--stride', '8');
   await until(page, 'a new room appears', async () => (await triangles(page)) > 1000);
 });
 
@@ -199,7 +202,7 @@ async function main() {
     ],
   });
   const context = await browser.newContext({ viewport: { width: 1280, height: 800 } });
-  const state = { context, hosts: new Set(), server: await serve({ encoder }) };
+  const state = { context, hosts: new Set(), server: await serve({ grpc: Number(grpc), http: Number(http), encoder }) };
   state.url = preview || state.server.url;
   context.on('request', (request) => {
     const { protocol, host } = new URL(request.url());

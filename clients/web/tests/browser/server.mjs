@@ -2,12 +2,15 @@
 import { spawn } from 'node:child_process';
 import { createInterface } from 'node:readline';
 
-const program = process.env.ORENX ?? new URL('../../../../target/release/orenx', import.meta.url).pathname;
+const program = process.env.PROGRAM ?? new URL('../../../../target/release/orenx', import.meta.url).pathname;
 const running = new Set();
+
+/** What is set for tests is no setting of a server. */
+const env = Object.fromEntries(Object.entries(process.env).filter(([name]) => !name.startsWith('ORENX_')));
 
 /** Starts the program; `lines` are what it says. */
 function start(args) {
-  const child = spawn(program, args, { stdio: ['ignore', 'pipe', 'inherit'] });
+  const child = spawn(program, args, { env, stdio: ['ignore', 'pipe', 'inherit'] });
   running.add(child);
   const ended = new Promise((done) => child.on('exit', (code) => {
     running.delete(child);
