@@ -283,7 +283,7 @@ impl Topology {
     /// latter nothing would lead from a voxel that is half refined to the corners of its other half.
     pub fn around(&self, row: u32) -> impl Iterator<Item = &[u32; 8]> {
         let octants = self.incident(row).iter().enumerate();
-        octants.filter(|(_, node)| **node != NO_NODE).flat_map(|(slot, &finest)| {
+        octants.filter(|(_, node)| **node != NO_NODE).flat_map(move |(slot, &finest)| {
             let corner = 7 ^ slot as u32;
             // A child at the corner shares the vertex there with its parent.
             let above = move |&node: &u32| {

@@ -19,7 +19,7 @@ fn worst_in_front_of(wall_m: f32) -> f32 {
             && (at.z - 3.0).abs() < 0.21
             && (1.3..1.0 + wall_m).contains(&at.x)
     };
-    let values = topology.positions().iter().zip(surface.prior().values());
+    let values = topology.positions().iter().zip(surface.prior.values());
     let errors =
         values.filter(|(at, _)| ahead(at)).map(|(at, d)| (d[0] - (1.0 + wall_m - at.x)).abs());
     let (count, worst) = errors.fold((0, 0.0f32), |(n, worst), error| (n + 1, worst.max(error)));
