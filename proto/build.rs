@@ -1,4 +1,8 @@
-//! Generates messages, clients and servers from the `.proto` files, in pure Rust (no protoc).
+//! Generates messages, clients and servers from the `.proto` files, in pure Rust (no protoc), and takes
+//! in the dashboard.
+
+#[path = "../clients/web/build/embed.rs"]
+mod embed;
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -17,11 +21,13 @@ const FILES: [&str; 9] = [
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo::rerun-if-changed=proto");
+    println!("cargo::rerun-if-changed=clients/web/build/embed.rs");
     let mut compiler = protox::Compiler::new(["proto"])?;
     compiler.include_imports(true).include_source_info(true).open_files(FILES)?;
     // What reflection tells, comments included.
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     std::fs::write(out.join("orenx.v1.bin"), compiler.encode_file_descriptor_set())?;
+    embed::dashboard(&out)?;
     // What does not decode is the sender's fault: `wire` has a codec that says so.
     tonic_prost_build::configure()
         .codec_path("crate::wire::Messages")

@@ -8,9 +8,11 @@ mod find;
 mod grid;
 mod image;
 mod language;
+mod local;
 mod maps;
 mod mirror;
 mod nearest;
+mod pieces;
 mod question;
 mod rays;
 mod readers;
@@ -50,9 +52,12 @@ pub use find::{
 };
 pub use grid::{Grid, GridColumns, GridQuestion, GridReply, MAX_VOXELS, NumberFormat};
 pub use image::{ImageKind, ImageQuestion, ImageReply, MAX_IMAGE_BYTES, MAX_IMAGES};
-pub use maps::{MapDetail, MapReport, MapSummary};
+pub use local::Local;
+pub use maps::{MapDetail, MapHealth, MapReport, MapSummary};
 pub use mirror::Follower;
 pub use nearest::{NearestQuestion, NearestReply};
+use pieces::Pieces;
+pub use pieces::{PiecesQuestion, PiecesReply};
 use question::demand;
 pub use question::{
     MAP_FRAME, PointsQuestion, PointsReply, Unknown, UnknownPolicy, check_frame_id,
@@ -93,6 +98,8 @@ pub struct Service {
     watches: Arc<Semaphore>,
     /// Places of those who follow a map.
     mirrors: Arc<Semaphore>,
+    /// Pieces of meshes for those who draw them.
+    pieces: Pieces,
     max_points: usize,
     max_pixels: usize,
 }
@@ -114,6 +121,7 @@ impl Service {
             words,
             watches: Arc::new(Semaphore::new(MAX_WATCHES)),
             mirrors: mirror::places(),
+            pieces: Pieces::default(),
             max_points: config.max_points,
             max_pixels: config.max_pixels,
         };
@@ -291,6 +299,13 @@ impl Service {
             robots: map.tallies.robots(),
             resident_bytes: crate::telemetry::resident_bytes(),
         })
+    }
+
+    /// How soon one map's frames are seen, and how much it has learned of language.
+    pub fn map_health(&self, map_id: &str) -> Result<MapHealth> {
+        let map = self.registry.get(map_id)?;
+        let atoms = map.handle.published().view.atoms();
+        Ok(MapHealth { visible_after: map.tallies.all.visible_after(), atoms })
     }
 
     /// What became of the frames for all maps, and for none.

@@ -30,10 +30,10 @@ use crate::map::{Fields, State};
 use crate::serve::{self, Listeners};
 use crate::service::{DEFAULT_MAP, Service};
 
-/// One walk through the room; with a terminal at the pace of a slow camera, so that there is
-/// something to watch.
-const FRAMES_WATCHED: usize = 600;
-const RATE_WATCHED_HZ: f64 = 20.0;
+/// One walk through the room; with a terminal slowly enough that who opens the dashboard sees the room
+/// grow: 75 s.
+const FRAMES_WATCHED: usize = 900;
+const RATE_WATCHED_HZ: f64 = 12.0;
 /// The same walk in fewer frames, as fast as they are taken, where nobody watches.
 const FRAMES_UNWATCHED: usize = 200;
 const WIDTH: u32 = 320;
@@ -75,6 +75,11 @@ async fn demo(encoder: EncoderArgs) -> anyhow::Result<()> {
     let address = listeners.http_address().context("HTTP is on by default")?;
     let http = format!("http://{address}");
     println!("orenx serves gRPC on {grpc} and HTTP on {http}, in memory");
+    println!("\nwatch the room grow: open {http}/ in a browser");
+    if says {
+        println!("and ask there: {}", words::QUESTION);
+    }
+    println!();
 
     let (service, mappers) = Service::start(&config, map)?;
     let (stop, stopped) = oneshot::channel::<()>();

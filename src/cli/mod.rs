@@ -20,6 +20,7 @@ mod invocation;
 pub mod map;
 pub mod mesh;
 mod open;
+pub mod planner;
 pub mod query;
 pub mod render;
 pub mod serve;
@@ -47,6 +48,7 @@ enum Command {
     Map(map::MapArgs),
     Eval(eval::EvalArgs),
     Query(query::QueryArgs),
+    Planner(planner::PlannerArgs),
     Slice(slice::SliceArgs),
     Mesh(mesh::MeshArgs),
     Render(render::RenderArgs),
@@ -84,6 +86,7 @@ pub fn run() -> ExitCode {
         Command::Map(arguments) => arguments.run(),
         Command::Eval(arguments) => arguments.run(),
         Command::Query(arguments) => arguments.run(),
+        Command::Planner(arguments) => arguments.run(),
         Command::Slice(arguments) => arguments.run(),
         Command::Mesh(arguments) => arguments.run(),
         Command::Render(arguments) => arguments.run(),

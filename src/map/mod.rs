@@ -31,7 +31,10 @@ pub use language::{
     FindSettings, Findings, LanguageCounts, Match, OrientedBox, Places, Scorer, Viewpoint,
 };
 pub use mapper::{FrameOutcome, MapStats, Mapper};
-pub use mesh::{TriangleMesh, default_resolution_m, extract_mesh};
+pub use mesh::{
+    Detail, MeshPart, PieceKey, PieceTable, TriangleMesh, WholeMesh, default_resolution_m,
+    extract_mesh, packed_piece, piece_size_m,
+};
 pub use mirror::{Changes, Copied, Copying, Head, Part, Table};
 pub use nearest::{NearestAnswers, nearest_surfaces};
 pub use parallel::{CHUNK_POINTS, GridQuery, PointQuery, query_parallel, query_pool};

@@ -128,16 +128,20 @@ impl Service {
         let started = Instant::now();
         self.map(&question.terms.map_id)?;
         let shape = question.shape()?;
-        let GridQuestion { terms, fields, format, .. } = question;
-        let task = |view: Arc<MapView>| {
-            Ok(GridTask { fill: terms.fill(&view), view, shape, fields, format })
-        };
-        let reply = self.work(started, &terms, call, task).await?;
-        Ok(reply.map(|columns| Grid { shape, format, columns }))
+        let task = |view: Arc<MapView>| Ok(question.task(view, shape));
+        self.work(started, &question.terms, call, task).await
     }
 }
 
-struct GridTask {
+impl GridQuestion {
+    /// Of its checked voxels.
+    pub(super) fn task(&self, view: Arc<MapView>, shape: GridShape) -> GridTask {
+        let (fields, format) = (self.fields, self.format);
+        GridTask { fill: self.terms.fill(&view), view, shape, fields, format }
+    }
+}
+
+pub(super) struct GridTask {
     view: Arc<MapView>,
     shape: GridShape,
     fields: Fields,
@@ -153,7 +157,7 @@ impl GridTask {
 
 impl Task for GridTask {
     type Part = GridColumns;
-    type Answer = GridColumns;
+    type Answer = Grid;
 
     fn size(&self) -> usize {
         self.shape.voxels() as usize
@@ -179,17 +183,18 @@ impl Task for GridTask {
         })
     }
 
-    fn whole(&self, parts: Vec<GridColumns>) -> GridColumns {
+    fn whole(&self, parts: Vec<GridColumns>) -> Grid {
         let column = |of: fn(&GridColumns) -> &Vec<u8>| {
             parts.iter().map(|part| of(part).as_slice()).collect::<Vec<_>>().concat()
         };
-        GridColumns {
+        let columns = GridColumns {
             distance: column(|p| &p.distance),
             gradient: column(|p| &p.gradient),
             occupancy: column(|p| &p.occupancy),
             color: column(|p| &p.color),
             state: column(|p| &p.state),
-        }
+        };
+        Grid { shape: self.shape, format: self.format, columns }
     }
 }
 

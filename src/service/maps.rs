@@ -4,6 +4,7 @@ use super::{FrameCounts, RobotReport};
 use crate::config::MapConfig;
 use crate::geometry::Aabb;
 use crate::map::{MapStats, MapView};
+use crate::telemetry::Distribution;
 
 /// One map in a list.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,6 +36,15 @@ pub struct MapReport {
     pub robots: Vec<RobotReport>,
     /// Memory held by the process, bytes; 0 where the system does not tell.
     pub resident_bytes: u64,
+}
+
+/// What is told of a map beside its counters.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MapHealth {
+    /// How long its integrated frames took, from their last byte on, until questions saw them.
+    pub visible_after: Distribution,
+    /// Atoms of its dictionary.
+    pub atoms: usize,
 }
 
 impl MapSummary {

@@ -49,7 +49,7 @@ pub type SliceReply = Answered<Level>;
 
 impl SliceQuestion {
     /// Refuses what no map could answer.
-    fn check(&self) -> Result<()> {
+    pub(super) fn check(&self) -> Result<()> {
         self.terms.check()?;
         let far = MAX_COORDINATE_M as f32;
         check_within("z_m", self.z_m, -far, far)?;
@@ -112,16 +112,20 @@ impl Service {
         let started = Instant::now();
         self.map(&question.terms.map_id)?;
         question.check()?;
-        let task = |view: Arc<MapView>| {
-            let shape = question.shape(view.bounds(), self.max_points)?;
-            let unknown_m = question.terms.fill(&view).map(|fill| fill.distance_m);
-            Ok(SliceTask { view, shape, unknown_m, costs: question.costs })
-        };
+        let task = |view: Arc<MapView>| question.task(view, self.max_points);
         self.work(started, &question.terms, call, task).await
     }
 }
 
-struct SliceTask {
+impl SliceQuestion {
+    pub(super) fn task(&self, view: Arc<MapView>, max_points: usize) -> Result<SliceTask> {
+        let shape = self.shape(view.bounds(), max_points)?;
+        let unknown_m = self.terms.fill(&view).map(|fill| fill.distance_m);
+        Ok(SliceTask { view, shape, unknown_m, costs: self.costs })
+    }
+}
+
+pub(super) struct SliceTask {
     view: Arc<MapView>,
     shape: LevelShape,
     unknown_m: Option<f32>,

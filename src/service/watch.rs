@@ -148,7 +148,7 @@ impl Service {
     }
 
     /// Waits for another epoch than the one that was seen; false once the map has ended.
-    async fn has_news(&self, map_id: &str, seen: Option<u64>) -> bool {
+    pub async fn has_news(&self, map_id: &str, seen: Option<u64>) -> bool {
         match (seen, self.map(map_id)) {
             (None, _) => true,
             (Some(epoch), Ok(mapper)) => mapper.published_after(epoch).await.is_some(),

@@ -30,11 +30,19 @@ fn files(folder: &str, endings: &[&str]) -> Vec<SourceFile> {
     found.into_iter().map(read).collect()
 }
 
+/// Folders of what was fetched or built.
+const NOT_OURS: [&str; 2] = ["node_modules", "dist"];
+
 fn collect(folder: &Path, found: &mut Vec<PathBuf>) {
     let Ok(entries) = fs::read_dir(folder) else { return };
     for entry in entries {
         let path = entry.unwrap().path();
-        if path.is_dir() { collect(&path, found) } else { found.push(path) }
+        let is_ours = !NOT_OURS.iter().any(|name| path.ends_with(name));
+        match path.is_dir() {
+            true if is_ours => collect(&path, found),
+            true => {}
+            false => found.push(path),
+        }
     }
 }
 

@@ -123,7 +123,8 @@ fn broken_in_code(file: &SourceFile) -> Vec<String> {
 
 #[test]
 fn files_are_short_finished_and_well_named() {
-    let text = [".rs", ".wgsl", ".proto", ".md", ".toml", ".py", ".js", ".html", ".css"];
+    let text =
+        [".rs", ".wgsl", ".proto", ".md", ".toml", ".py", ".js", ".mjs", ".ts", ".html", ".css"];
     let folders = ["src", "tests", "proto", "shaders", "clients", "deploy"];
     let mut all: Vec<SourceFile> = folders.iter().flat_map(|f| files(f, &text)).collect();
     all.extend(files(".ci", &["run", "setup"]));

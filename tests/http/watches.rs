@@ -116,14 +116,11 @@ async fn a_region_and_a_way_are_watched_to_the_end() {
     assert!(event["trajectories"][0]["first_hit"]["pose"].is_u64(), "the wall: {event}");
     let (shape, expected) = states(&server, region, epoch).await;
     let mut state = vec![0; expected.len()];
-    loop {
+    while state != expected {
         let (_, change) = bricks.next().await.unwrap();
         put(&change, &shape, &mut state);
-        if change["epoch"].as_u64().unwrap() >= epoch {
-            break;
-        }
     }
-    assert!(state.contains(&1) && state == expected);
+    assert!(state.contains(&1));
     server.stop().await.0.unwrap();
     for events in [&mut bricks, &mut ways] {
         let mut last = events.next().await;
@@ -173,7 +170,8 @@ async fn watches_are_refused_by_name_and_bounded() {
     ] {
         let refused = post_json(&server.http, path, &body).await;
         let [code, at, message] = refused.error();
-        assert_eq!((refused.status, &*code, &*at), (400, "INVALID_ARGUMENT", field), "{message}");
+        assert_eq!((refused.status, &*code), (400, "INVALID_ARGUMENT"), "{message}");
+        assert!(at.starts_with(field), "{field}: {message}");
         assert!(message.contains(words), "{message}");
     }
     let wanted = [JSON, ("accept", "application/json")];

@@ -41,7 +41,7 @@ fn labels(frame: &v1::Frame) -> v1::LabelImage {
 }
 
 /// A frame with such labels.
-fn labelled_frame(seq: u64) -> v1::Frame {
+pub(crate) fn labelled_frame(seq: u64) -> v1::Frame {
     let mut frame = good_frame(seq);
     frame.meaning = Some(Meaning::Labels(labels(&frame)));
     frame
@@ -63,7 +63,7 @@ fn featured_frame(seq: u64, encoder_id: &str, dimension: u32) -> v1::Frame {
 }
 
 /// The verdicts of frames, one after another.
-async fn verdicts(server: &Running, frames: Vec<v1::Frame>) -> Vec<v1::FrameAck> {
+pub(crate) async fn verdicts(server: &Running, frames: Vec<v1::Frame>) -> Vec<v1::FrameAck> {
     let (sender, mut acks) = open_stream(&server.channel).await;
     let mut verdicts = Vec::new();
     for frame in frames {
@@ -130,18 +130,13 @@ async fn labels_and_features_of_the_servers_encoder_are_taken_and_others_refused
     server.stop().await.0.unwrap();
 }
 
-/// Shows a room of chair and table to a server.
-pub(crate) async fn label(server: &Running) {
-    let frames = [0, 25, 50, 75].map(labelled_frame).to_vec();
-    for ack in verdicts(server, frames).await {
-        assert_eq!(ack.status(), FrameStatus::Integrated, "{ack:?}");
-    }
-}
-
 /// A server that saw a room of chair on the left and table on the right of each image.
 pub(crate) async fn mapped(folder: &std::path::Path) -> Running {
     let server = start(|settings| with_encoder(settings, folder)).await;
-    label(&server).await;
+    let frames = [0, 25, 50, 75].map(labelled_frame).to_vec();
+    for ack in verdicts(&server, frames).await {
+        assert_eq!(ack.status(), FrameStatus::Integrated, "{ack:?}");
+    }
     server
 }
 

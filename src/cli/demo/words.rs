@@ -8,7 +8,7 @@ use crate::dataset::synthetic::Synthetic;
 use crate::geometry::Aabb;
 use crate::service::{FindQuestion, Sought};
 
-const QUESTION: &str = "where is the blanket?";
+pub(super) const QUESTION: &str = "where is the blanket?";
 /// What is meant.
 const CLASS: &str = "blanket";
 /// How far from what the camera saw of it the middle of the answer may lie, m.

@@ -102,8 +102,8 @@ impl MapView {
         all
     }
 
-    /// The number of coefficients of a code.
-    pub(super) fn atoms(&self) -> usize {
+    /// Atoms of the dictionary: the number of coefficients of a code.
+    pub fn atoms(&self) -> usize {
         self.store.codes.learned().map_or(0, |(_, dictionary)| dictionary.len())
     }
 

@@ -11,7 +11,7 @@ use super::lattice::{BLOCK_CELLS, BLOCK_CORNERS, Block, blocks, each_between, po
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
 use crate::map::parallel::{PointQuery, query_parallel};
-use crate::map::query::Fields;
+use crate::map::query::{Fields, PointAnswers};
 
 /// Blocks whose triangles are held before they are merged.
 const BLOCKS_AT_ONCE: usize = 64;
@@ -54,11 +54,36 @@ pub fn extract_mesh(
         });
         patches.into_iter().for_each(|patch| merged.add(patch));
     }
-    let (vertices, gradients) = refine(query, &merged.crossings, resolution_m, pool);
+    let ask = |points: &[Vec3], fields| query_parallel(query, points, fields, pool);
+    Ok(finished(merged, resolution_m, ask))
+}
+
+/// A part of the same surface, on the calling thread: what lies in other leaves is left out, and on
+/// the border between two parts both have the same vertices, to the bit.
+pub(super) fn extract_part(
+    query: &impl PointQuery,
+    leaves: &[Aabb],
+    resolution_m: f32,
+) -> Result<TriangleMesh> {
+    let table = CaseTable::new();
+    let mut merged = Merged::default();
+    for block in blocks(leaves, resolution_m)? {
+        merged.add(patch(query, &block, resolution_m, &table));
+    }
+    Ok(finished(merged, resolution_m, query))
+}
+
+/// The mesh of all patches; `ask` answers points.
+fn finished(
+    merged: Merged,
+    resolution_m: f32,
+    ask: impl Fn(&[Vec3], Fields) -> PointAnswers,
+) -> TriangleMesh {
+    let (vertices, gradients) = refine(&merged.crossings, resolution_m, ask);
     let mut mesh = TriangleMesh { vertices, normals: gradients, triangles: merged.triangles };
     drop_jumps(&mut mesh);
     normalise(&mut mesh);
-    Ok(mesh)
+    mesh
 }
 
 /// Where the level set crosses a lattice edge.
@@ -253,15 +278,14 @@ fn best_apex(polygon: &Loop, indices: &[u32], crossings: &[Crossing]) -> usize {
 /// Positions and gradients of the vertices: one step of regula falsi along the edge from the linear
 /// guess, and the gradient there, zero where it is unknown.
 fn refine(
-    query: &impl PointQuery,
     crossings: &[Crossing],
     resolution_m: f32,
-    pool: &ThreadPool,
+    ask: impl Fn(&[Vec3], Fields) -> PointAnswers,
 ) -> (Vec<Vec3>, Vec<Vec3>) {
     let guesses: Vec<Vec3> =
         crossings.iter().map(|c| c.position(c.share(), resolution_m)).collect();
     let fields = Fields { gradient: true, ..Fields::DISTANCE };
-    let answers = query_parallel(query, &guesses, fields, pool);
+    let answers = ask(&guesses, fields);
     let vertices = crossings
         .iter()
         .zip(&answers.distance)

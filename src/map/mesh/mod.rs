@@ -3,6 +3,7 @@
 mod cases;
 mod extract;
 mod lattice;
+mod pieces;
 mod ply;
 #[cfg(test)]
 mod tests;
@@ -10,6 +11,7 @@ mod tests;
 use glam::Vec3;
 
 pub use extract::{default_resolution_m, extract_mesh};
+pub use pieces::{Detail, MeshPart, PieceKey, PieceTable, WholeMesh, packed_piece, piece_size_m};
 
 /// Triangles in world metres, counter-clockwise as seen from free space.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -12,6 +12,12 @@ use crate::error::{Error, Result};
 impl TriangleMesh {
     /// Writes a binary little-endian PLY, positions in metres, with normals where there are any.
     pub fn write_ply(&self, out: &mut impl Write) -> std::io::Result<()> {
+        self.write_ply_with(&[], out)
+    }
+
+    /// The same with a colour for each vertex, sRGB; none at all for a mesh without.
+    pub fn write_ply_with(&self, colors: &[[u8; 3]], out: &mut impl Write) -> std::io::Result<()> {
+        let with_colors = !colors.is_empty() && colors.len() == self.vertices.len();
         let with_normals = self.normals.len() == self.vertices.len();
         writeln!(out, "ply\nformat binary_little_endian 1.0")?;
         writeln!(out, "comment orenx: metres, counter-clockwise as seen from free space")?;
@@ -19,12 +25,19 @@ impl TriangleMesh {
         let names: &[&str] =
             if with_normals { &["x", "y", "z", "nx", "ny", "nz"] } else { &["x", "y", "z"] };
         names.iter().try_for_each(|name| writeln!(out, "property float {name}"))?;
+        if with_colors {
+            let names = ["red", "green", "blue"];
+            names.iter().try_for_each(|name| writeln!(out, "property uchar {name}"))?;
+        }
         writeln!(out, "element face {}", self.triangles.len())?;
         writeln!(out, "property list uchar uint vertex_indices\nend_header")?;
         for (i, vertex) in self.vertices.iter().enumerate() {
             write_vector(out, *vertex)?;
             if with_normals {
                 write_vector(out, self.normals[i])?;
+            }
+            if with_colors {
+                out.write_all(&colors[i])?;
             }
         }
         for triangle in &self.triangles {
@@ -128,6 +141,21 @@ mod tests {
         let bare = TriangleMesh { normals: vec![], ..sample() };
         let mesh = TriangleMesh::read_ply(&written(&bare)[..], "m.ply").expect("good");
         assert_eq!(mesh, bare);
+    }
+
+    #[test]
+    fn colours_stand_beside_their_vertices() {
+        let mut bytes = Vec::new();
+        let colors = [[1, 2, 3], [4, 5, 6], [7, 8, 9], [10, 11, 12]];
+        sample().write_ply_with(&colors, &mut bytes).expect("memory");
+        let mesh = TriangleMesh::read_ply(&bytes[..], "m.ply").expect("good");
+        assert_eq!(mesh.vertices, sample().vertices);
+        let plain = written(&sample());
+        let head =
+            |bytes: &[u8]| bytes.windows(11).position(|w| w == b"end_header\n").expect("a head");
+        let grown = (bytes.len() - head(&bytes)) - (plain.len() - head(&plain));
+        assert_eq!(grown, 12);
+        assert_eq!(bytes[head(&bytes) + 11 + 24..][..3], [1, 2, 3]);
     }
 
     #[test]

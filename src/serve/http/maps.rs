@@ -122,10 +122,21 @@ pub(super) struct MapStats {
     counts: FrameCounts,
     /// The robots whose good frames came since the server started, by id; at most 256.
     robots: Vec<RobotReport>,
+    /// How long integrated frames took, from their last byte on, until questions saw them.
+    visible_after: VisibleAfter,
+    /// Atoms of the dictionary of language features; 0 without language.
+    atoms: u64,
     /// Memory held by the process; 0 where the system does not tell.
     resident_bytes: u64,
     /// Time spent in the server, microseconds.
     server_us: u64,
+}
+
+/// Times since the server started; what was added between two answers is what happened in between.
+#[derive(Debug, Serialize, ToSchema)]
+struct VisibleAfter {
+    frames: u64,
+    sum_s: f64,
 }
 
 /// What one robot sent to one map.
@@ -242,9 +253,11 @@ pub(super) async fn stats(
     json(&stats_of(edge.service()?, &map_id)?)
 }
 
-fn stats_of(service: &Service, map_id: &str) -> Result<MapStats, Refusal> {
+/// The counters of a map.
+pub(super) fn stats_of(service: &Service, map_id: &str) -> Result<MapStats, Refusal> {
     let started = Instant::now();
     let report = service.map_stats(map_id)?;
+    let health = service.map_health(map_id)?;
     let stats = report.stats;
     Ok(MapStats {
         map: report.summary.into(),
@@ -261,9 +274,21 @@ fn stats_of(service: &Service, map_id: &str) -> Result<MapStats, Refusal> {
         stages_ms: numbers(stats.stages_ms),
         counts: report.counts.into(),
         robots: report.robots.into_iter().map(RobotReport::from).collect(),
+        visible_after: VisibleAfter {
+            frames: health.visible_after.count(),
+            sum_s: health.visible_after.sum_s,
+        },
+        atoms: health.atoms as u64,
         resident_bytes: report.resident_bytes,
         server_us: since(started),
     })
+}
+
+impl MapStats {
+    /// The epoch that they are of.
+    pub(super) fn epoch(&self) -> u64 {
+        self.map.epoch
+    }
 }
 
 /// Empties a map

@@ -3,6 +3,8 @@
 
 mod admin;
 mod body;
+mod dashboard;
+mod events;
 mod found;
 mod guard;
 mod images;
@@ -15,6 +17,7 @@ mod metrics;
 mod openapi;
 mod options;
 mod parse;
+mod pieces;
 mod planner;
 mod points;
 mod probes;
@@ -39,7 +42,7 @@ use axum::response::{IntoResponse, Response};
 use axum::{Router, middleware};
 use bytes::Bytes;
 use serde::Serialize;
-use tokio::sync::Semaphore;
+use tokio::sync::{Semaphore, watch};
 use tower_http::cors::{Any as AnyHeader, CorsLayer};
 
 pub(crate) use self::found::Found;
@@ -72,6 +75,10 @@ struct Edge {
     zenoh: OnceLock<Arc<Tally>>,
     /// Why the server is not ready any more.
     stopping: OnceLock<String>,
+    /// The same for those who wait for it.
+    ending: watch::Sender<bool>,
+    /// Places of those who listen to events.
+    listeners: Arc<Semaphore>,
     limits: Limits,
     pub(super) entrance: Arc<Entrance>,
     /// All settings, for who asks for them.
@@ -90,6 +97,8 @@ impl Edge {
             calls: OnceLock::new(),
             zenoh: OnceLock::new(),
             stopping: OnceLock::new(),
+            ending: watch::Sender::default(),
+            listeners: events::places(),
             places: Semaphore::new(limits.requests),
             memory: body::memory(&limits),
             requests: Requests::default(),
@@ -112,6 +121,7 @@ impl Edge {
     /// The first reason stays.
     fn stop(&self, reason: String) {
         let _ = self.stopping.set(reason);
+        self.ending.send_replace(true);
     }
 
     fn service(&self) -> Result<&Arc<Service>, Refusal> {

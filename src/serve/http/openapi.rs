@@ -13,8 +13,8 @@ use utoipa::{IntoParams, IntoResponses, Modify, OpenApi, ToSchema};
 use super::super::access::{KEY_HEADER, Needs, rule};
 use super::limits::Limits;
 use super::{
-    admin, images, language, maps, planner, points, probes, refusal, slices, spheres, voxels,
-    watches,
+    admin, dashboard, events, images, language, maps, pieces, planner, points, probes, refusal,
+    slices, spheres, voxels, watches,
 };
 
 #[derive(OpenApi)]
@@ -27,7 +27,8 @@ use super::{
         `orenx-request-id`, the client's own if it sent a sane `x-request-id`."),
     servers((url = "/")),
     paths(
-        probes::about, probes::healthy, probes::alive, probes::ready, probes::metrics,
+        dashboard::root, dashboard::asset, events::events, pieces::pieces, pieces::ply,
+        probes::healthy, probes::alive, probes::ready, probes::metrics,
         probes::openapi, admin::config, admin::log, maps::list, maps::detail, maps::create, maps::delete, maps::stats, maps::reset, points::query,
         images::render, language::text, language::embedding, language::classify,
         language::encoders, spheres::spheres, planner::trajectories, planner::rays,

@@ -42,10 +42,8 @@ pub(super) struct Well {
     status: &'static str,
 }
 
-/// Name, version, links
-#[utoipa::path(get, path = "/", tag = "server",
-    responses((status = 200, description = "What this is.", body = About), super::openapi::Any))]
-pub(super) async fn about() -> Result<Response, Refusal> {
+/// Name, version, links.
+pub(super) fn about() -> Result<Response, Refusal> {
     let links =
         Links { openapi: "/openapi.json", maps: "/v1/maps", metrics: "/metrics", ready: "/readyz" };
     json(&About { name: env!("CARGO_PKG_NAME"), version: env!("CARGO_PKG_VERSION"), links })

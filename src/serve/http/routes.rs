@@ -6,7 +6,8 @@ use axum::Router;
 use axum::routing::{get, post, put};
 
 use super::{
-    Edge, admin, images, language, maps, planner, points, probes, slices, spheres, voxels, watches,
+    Edge, admin, dashboard, events, images, language, maps, pieces, planner, points, probes,
+    slices, spheres, voxels, watches,
 };
 
 /// One line a path: for the router, for the counters, and for the tests of the document.
@@ -21,7 +22,7 @@ macro_rules! routes {
 }
 
 routes! {
-    "/" => get(probes::about),
+    "/" => get(dashboard::root),
     "/healthz" => get(probes::healthy),
     "/livez" => get(probes::alive),
     "/readyz" => get(probes::ready),
@@ -49,4 +50,8 @@ routes! {
     "/v1/maps/{map}/slice.bin" => get(slices::bin),
     "/v1/maps/{map}/watch/region" => post(watches::region),
     "/v1/maps/{map}/watch/trajectories" => post(watches::trajectories),
+    "/v1/maps/{map}/mesh/pieces" => get(pieces::pieces),
+    "/v1/maps/{map}/mesh.ply" => get(pieces::ply),
+    "/v1/events" => get(events::events),
+    "/assets/{file}" => get(dashboard::asset),
 }

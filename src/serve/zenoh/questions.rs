@@ -88,7 +88,7 @@ impl Questions {
         if tokio::time::timeout(LAST_ANSWERS, desk.places.acquire_many(all)).await.is_err() {
             tracing::debug!("some answers were not ready within {LAST_ANSWERS:?}");
         }
-        desk.watches.end();
+        desk.watches.close(LAST_ANSWERS).await;
     }
 }
 

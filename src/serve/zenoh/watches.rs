@@ -30,13 +30,19 @@ pub(super) struct Watches {
     bus: Bus,
     map_id: String,
     begun: AtomicU64,
+    closing: watch::Sender<bool>,
     tasks: Mutex<JoinSet<()>>,
 }
 
 impl Watches {
     pub(super) fn new(bus: &Bus, map_id: &str) -> Self {
-        let (begun, tasks) = (AtomicU64::new(1), Mutex::default());
-        Self { bus: bus.clone(), map_id: map_id.into(), begun, tasks }
+        Self {
+            bus: bus.clone(),
+            map_id: map_id.into(),
+            begun: AtomicU64::new(1),
+            closing: watch::Sender::new(false),
+            tasks: Mutex::default(),
+        }
     }
 
     /// Begins what a verb says; `None` if it begins nothing.
@@ -69,9 +75,14 @@ impl Watches {
         Some(begun.map(|reply| Answer { message: "WatchReply", bytes: reply.encode_to_vec() }))
     }
 
-    /// Ends all of them.
-    pub(super) fn end(&self) {
-        self.tasks.lock().unwrap_or_else(PoisonError::into_inner).abort_all();
+    /// Lets those whose map has ended say so for a little while, and ends all of them.
+    pub(super) async fn close(&self, patience: Duration) {
+        self.closing.send_replace(true);
+        let tasks = std::mem::take(&mut *self.tasks.lock().unwrap_or_else(PoisonError::into_inner));
+        // Those that are left end with their set.
+        if tokio::time::timeout(patience, tasks.join_all()).await.is_err() {
+            tracing::debug!("some watches over Zenoh did not end within {patience:?}");
+        }
     }
 
     async fn follow<W: Watch>(&self, watch: Result<W>) -> Result<v1::WatchReply> {
@@ -92,7 +103,7 @@ impl Watches {
         let outlet = Outlet::new(publisher).await.map_err(|e| bus_error(&key, &e))?;
         let mut tasks = self.tasks.lock().unwrap_or_else(PoisonError::into_inner);
         while tasks.try_join_next().is_some() {}
-        tasks.spawn(tell(watch, outlet));
+        tasks.spawn(tell(watch, outlet, self.closing.subscribe()));
         Ok(v1::WatchReply { id, key })
     }
 }
@@ -142,9 +153,11 @@ impl Outlet {
 }
 
 /// Says what is new while somebody listens. A deletion of the key is the end.
-async fn tell<W: Watch>(mut watch: W, mut outlet: Outlet) {
-    if tokio::time::timeout(PATIENCE, outlet.turns(true)).await.is_err() {
-        return;
+async fn tell<W: Watch>(mut watch: W, mut outlet: Outlet, mut closing: watch::Receiver<bool>) {
+    tokio::select! {
+        () = outlet.turns(true) => {}
+        () = tokio::time::sleep(PATIENCE) => return,
+        _ = closing.wait_for(|closing| *closing) => return,
     }
     let error = loop {
         let next = tokio::select! {

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod cut;
+mod esdf;
 mod fleet;
 mod life;
 mod ros2;
@@ -10,6 +11,7 @@ mod secure;
 mod shot;
 mod verbs;
 mod watches;
+mod words;
 
 use orenx::bus::{FrameKey, Slices, encoding_of};
 use orenx::client::ZenohClient;

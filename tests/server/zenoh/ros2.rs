@@ -8,9 +8,8 @@ use orenx::frame::Frame;
 use orenx::map::{Camera, Encoding, Fields, Output};
 use orenx::service::{Call, DEFAULT_MAP, ImageKind, ImageQuestion};
 use orenx::wire::ros2::{
-    Attachment, CompressedImage, DistanceMapSlice, EsdfRequest, EsdfResponse, Image, Message,
-    OccupancyGrid, PointCloud2, PoseMessage, PoseStamped, Text, TfMessage, Transform, Type,
-    Vector3, decode, encode, gid_of, rmw_key,
+    Attachment, CompressedImage, DistanceMapSlice, Image, Message, OccupancyGrid, PointCloud2,
+    PoseMessage, PoseStamped, TfMessage, Transform, Type, decode, encode, gid_of, rmw_key,
 };
 use orenx::wire::{frame_to_wire, read_message, v1};
 use tokio::sync::mpsc;
@@ -57,27 +56,31 @@ impl Status {
 }
 
 /// A robot's end of the network.
-struct Robot {
-    client: ZenohClient,
-    prefix: &'static str,
-    is_rmw: bool,
+pub(super) struct Robot {
+    pub(super) client: ZenohClient,
+    pub(super) prefix: &'static str,
+    pub(super) is_rmw: bool,
 }
 
 impl Robot {
-    fn key(&self, topic: &str, kind: &Type) -> String {
+    pub(super) fn key(&self, topic: &str, kind: &Type) -> String {
         match self.is_rmw {
             true => rmw_key(3, topic, kind, kind.hash).unwrap(),
             false => format!("{}{topic}", self.prefix),
         }
     }
 
-    async fn put<M: Message>(&self, topic: &str, message: &M) {
+    pub(super) async fn put<M: Message>(&self, topic: &str, message: &M) {
         let session = self.client.bus().session();
         session.put(self.key(topic, &M::TYPE), encode(message).unwrap()).await.unwrap();
     }
 
     /// What is said on a topic.
-    async fn hear(&self, topic: &str, kind: &Type) -> (mpsc::Receiver<Sample>, Subscriber<()>) {
+    pub(super) async fn hear(
+        &self,
+        topic: &str,
+        kind: &Type,
+    ) -> (mpsc::Receiver<Sample>, Subscriber<()>) {
         let (tell, told) = mpsc::channel(4);
         let subscriber = self
             .client
@@ -322,159 +325,5 @@ async fn frames_that_cannot_be_used_are_counted_by_reason() {
     robot.put("camera/depth/image_rect_raw", &good.depth(&mut Vec::new())).await;
     status.wait(1).await;
     drop((robot, status));
-    server.stop().await.0.unwrap();
-}
-
-/// A planner that reads nvblox, through one bridge or the other; the distances are those of gRPC.
-async fn ask_for_distances(is_rmw: bool) {
-    let router = Router::start();
-    let (server, client) = start_on(&router, |settings| {
-        settings.ros2.bridge = if is_rmw { "rmw-zenoh" } else { "dds-bridge" }.into();
-        settings.ros2.domain = 3;
-        settings.ros2.esdf_voxel_m = 0.25;
-    })
-    .await;
-    let robot = Robot { client, prefix: "", is_rmw };
-    let kind = Type::ESDF_SERVICE;
-    let key = robot.key("nvblox_node/get_esdf_and_gradient", &kind);
-    let token = match is_rmw {
-        true => format!(
-            "@ros2_lv/3/*/0/*/SS/%/%/orenx/%nvblox_node%get_esdf_and_gradient/{}/**",
-            kind.dds_name
-        ),
-        false => {
-            "@/*/@ros2_lv/SS/nvblox_node§get_esdf_and_gradient/nvblox_msgs§srv§EsdfAndGradients"
-                .into()
-        }
-    };
-    let tokens = robot.client.bus().session().liveliness().get(token).await.unwrap();
-    tokens.recv_async().await.expect("it is announced").into_result().unwrap();
-
-    let request = EsdfRequest {
-        update_esdf: true,
-        visualize_esdf: false,
-        use_aabb: true,
-        frame_id: "map".into(),
-        aabb_min_m: orenx::wire::ros2::Point { x: -1.1, y: -1.0, z: 0.55 },
-        aabb_size_m: Vector3 { x: 2.0, y: 1.5, z: 1.0 },
-        aabbs_to_clear_min_m: Vec::new(),
-        aabbs_to_clear_size_m: Vec::new(),
-        spheres_to_clear_center_m: Vec::new(),
-        spheres_to_clear_radius_m: Vec::new(),
-    };
-    let whole = EsdfRequest { use_aabb: false, ..request.clone() };
-    let nothing = call(&robot, &key, &encode(&whole).unwrap()).await;
-    assert!(!nothing.success, "nothing is mapped");
-    let epoch = crate::server::planner::send(&server, 0..6).await;
-    let found = call(&robot, &key, &encode(&request).unwrap()).await;
-    assert!(found.success && found.header.frame_id == "map" && found.header.stamp.to_ns() > 0);
-    let min = Vec3::new(-1.25, -1.0, 0.5);
-    let origin = found.origin_m;
-    assert_eq!([origin.x, origin.y, origin.z], [-1.25, -1.0, 0.5]);
-    let sizes: Vec<u32> = found.esdf_and_gradients.layout.dim.iter().map(|d| d.size).collect();
-    assert_eq!((&sizes[..], found.voxel_size_m), (&[9, 7, 5][..], 0.25));
-    let mut points = Vec::new();
-    for x in 0..9 {
-        for y in 0..7 {
-            points.extend(
-                (0..5).map(|z| min + (Vec3::new(x as f32, y as f32, z as f32) + 0.5) * 0.25),
-            );
-        }
-    }
-    let same = server.client.query_points(DEFAULT_MAP, &points, Fields::DISTANCE, epoch).await;
-    let same = same.unwrap().answers.distance;
-    assert!(same.iter().any(|d| d.is_nan()) && same.iter().any(|d| d.is_finite()));
-    let expected: Vec<u32> =
-        same.iter().map(|d| if d.is_nan() { -1000.0 } else { *d }.to_bits()).collect();
-    let told: Vec<u32> = found.esdf_and_gradients.data.iter().map(|d| d.to_bits()).collect();
-    assert_eq!(told, expected);
-    assert!(call(&robot, &key, &encode(&whole).unwrap()).await.success);
-
-    // What cannot be answered is no success.
-    let mut cleared = request.clone();
-    cleared.spheres_to_clear_center_m = vec![request.aabb_min_m];
-    cleared.spheres_to_clear_radius_m = vec![0.1];
-    let mut large = request.clone();
-    large.aabb_size_m = Vector3 { x: 1000.0, y: 1000.0, z: 1000.0 };
-    for wrong in [
-        encode(&EsdfRequest { frame_id: "odom".into(), ..request }).unwrap(),
-        encode(&cleared).unwrap(),
-        encode(&large).unwrap(),
-        vec![0, 1, 0, 0, 1],
-        Vec::new(),
-    ] {
-        let refused = call(&robot, &key, &wrong).await;
-        assert!(!refused.success && refused.esdf_and_gradients.data.is_empty());
-    }
-    drop(robot);
-    server.stop().await.0.unwrap();
-}
-
-/// Calls the service as a client of either bridge does.
-async fn call(robot: &Robot, key: &str, payload: &[u8]) -> EsdfResponse {
-    let sent = Attachment { sequence_number: 7, source_stamp_ns: 5, gid: *b"0123456789abcdef" };
-    let get = robot.client.bus().session().get(key).payload(payload.to_vec());
-    let get = get.target(zenoh::query::QueryTarget::AllComplete);
-    let replies = match robot.is_rmw {
-        true => get.attachment(sent.to_bytes().to_vec()).await.unwrap(),
-        false => get.await.unwrap(),
-    };
-    let sample = replies.recv_async().await.unwrap().into_result().unwrap();
-    assert_eq!(sample.key_expr().as_str(), key);
-    match sample.attachment() {
-        Some(bytes) => {
-            let back = Attachment::from_bytes(&bytes.to_bytes()).unwrap();
-            assert!(robot.is_rmw && back.source_stamp_ns > sent.source_stamp_ns);
-            assert_eq!(Attachment { source_stamp_ns: 5, ..back }, sent, "its own number and id");
-        }
-        None => assert!(!robot.is_rmw),
-    }
-    decode(&sample.payload().to_bytes()).unwrap()
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_planner_behind_the_bridge_reads_distances_as_from_nvblox() {
-    ask_for_distances(false).await;
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_planner_on_rmw_zenoh_reads_distances_as_from_nvblox() {
-    ask_for_distances(true).await;
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn words_on_a_topic_are_answered_by_the_points_that_fit() {
-    let router = Router::start();
-    let folder = crate::support::encoder::words();
-    let (server, client) = start_on(&router, |settings| {
-        settings.ros2.bridge = "dds-bridge".into();
-        crate::server::language::with_encoder(settings, folder.path());
-    })
-    .await;
-    crate::server::language::label(&server).await;
-    let robot = Robot { client, prefix: "", is_rmw: false };
-    let (mut clouds, _clouds) = robot.hear("orenx/matches", &Type::POINT_CLOUD).await;
-    robot.put("orenx/text", &Text { data: "seat".into() }).await;
-    let sample = clouds.recv().await.unwrap();
-    let payload = sample.payload().to_bytes();
-    let cloud: PointCloud2<'_> = decode(&payload).unwrap();
-    assert!(cloud.width > 50 && cloud.fields.last().is_some_and(|field| field.name == "score"));
-    let number = |p: &[u8], at: usize| f32::from_le_bytes(p[at..at + 4].try_into().unwrap());
-    let rows = cloud.data.chunks_exact(cloud.point_step as usize);
-    let (points, scores): (Vec<Vec3>, Vec<f32>) =
-        rows.map(|p| (Vec3::new(number(p, 0), number(p, 4), number(p, 8)), number(p, 16))).unzip();
-    assert!(scores.iter().all(|score| (0.5..=1.0).contains(score)), "what fits alone");
-    // Which of the classes is there, says another verb.
-    let question = orenx::service::ClassifyQuestion {
-        map_id: DEFAULT_MAP.into(),
-        points,
-        classes: orenx::service::Sought::words(&["chair", "table"]),
-        min_epoch: 0,
-        max_age: None,
-    };
-    let classes = server.client.classify(&question).await.unwrap().class;
-    let chairs = classes.iter().filter(|class| **class == 0).count();
-    assert!(chairs * 10 > classes.len() * 9, "{chairs} of {}", classes.len());
-    drop(robot);
     server.stop().await.0.unwrap();
 }

@@ -1,5 +1,7 @@
 //! What is watched over Zenoh: begun by a question, told to a key, ended with its last subscriber.
 
+use std::collections::BTreeMap;
+
 use orenx::bus::{Slices, encoding_of};
 use orenx::client::ZenohClient;
 use orenx::service::DEFAULT_MAP;
@@ -85,22 +87,18 @@ async fn watches_tell_their_subscribers_what_is_new() {
     let mut news = planner.watch_region(whole).await.unwrap().into_inner();
     let whole = news.message().await.unwrap().unwrap();
     assert!(whole.epoch >= epoch && whole.bricks.len() > 2);
-    let mut told = std::collections::BTreeMap::new();
-    let mut seq = 0;
-    loop {
+    let states = |bricks: Vec<v1::RegionBrick>| {
+        bricks.into_iter().map(|brick| ((brick.z, brick.y, brick.x), brick.state))
+    };
+    let expected = BTreeMap::from_iter(states(whole.bricks));
+    let (mut told, mut seq) = (BTreeMap::new(), 0);
+    while told != expected {
         let change: v1::WatchRegionReply =
             message(&bricks.recv().await.unwrap(), "WatchRegionReply");
         seq += 1;
         assert_eq!((change.seq, &change.size), (seq, &whole.size), "none is lost");
-        told.extend(
-            change.bricks.into_iter().map(|brick| ((brick.z, brick.y, brick.x), brick.state)),
-        );
-        if change.epoch >= whole.epoch {
-            break;
-        }
+        told.extend(states(change.bricks));
     }
-    let expected = whole.bricks.into_iter().map(|brick| ((brick.z, brick.y, brick.x), brick.state));
-    assert!(told.into_iter().eq(expected), "the same bricks");
 
     // A place is free again once its subscriber is gone: 62 more than the two that are left.
     watching.undeclare().await.unwrap();
@@ -117,8 +115,7 @@ async fn watches_tell_their_subscribers_what_is_new() {
             }
         }
     }
-    drop((places, news));
-    drop((client, ways));
+    drop((places, news, ways));
     server.stop().await.0.unwrap();
     // Why, and then that it ends.
     let mut last = bricks.recv().await.unwrap();
@@ -129,6 +126,7 @@ async fn watches_tell_their_subscribers_what_is_new() {
         }
         last = bricks.recv().await.unwrap();
     }
+    drop(client);
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -1,0 +1,53 @@
+// Beside the 3D view: how one moves, what the surface shows, how finely it is drawn.
+
+import type { App } from '../app';
+import type { Detail } from '../mesh/feed';
+import type { Drawn } from '../scene/viewer';
+import type { Look } from '../scene/surface';
+import { fill, h, iconButton } from './dom';
+import { count } from './numbers';
+
+const LOOKS: [Look, string][] = [['color', 'Colours'], ['normal', 'Normals'], ['height', 'Height']];
+const DETAILS: [Detail | 'auto', string][] = [
+  ['auto', 'As fine as runs well'],
+  ['coarse', 'Coarse'],
+  ['medium', 'Medium'],
+  ['fine', 'Fine'],
+];
+
+export class Tools {
+  readonly element: HTMLElement;
+  private readonly drawn = h('p', { class: 'drawn' });
+  private readonly mode = iconButton('orbit', 'Orbit or fly (G)', () => this.switchMode(), { 'aria-pressed': 'false' });
+  private text = '';
+
+  constructor(private readonly app: App) {
+    const look = h('select', { 'aria-label': 'What the surface shows', onchange: () => {
+      app.viewer.surface.setLook(look.value as Look);
+      app.viewer.invalidate();
+    } }, ...LOOKS.map(([value, name]) => h('option', { value }, name)));
+    const detail = h('select', { 'aria-label': 'How finely the surface is drawn', onchange: () => app.setDetail(detail.value as Detail | 'auto') },
+      ...DETAILS.map(([value, name]) => h('option', { value }, name)));
+    this.element = h('div', { class: 'tools' },
+      h('div', { class: 'tool-group' },
+        iconButton('fit', 'All of the map in view (F)', () => app.viewer.fit()), this.mode),
+      h('div', { class: 'tool-group' }, look, detail), this.drawn);
+    app.viewer.onDrawn = (drawn) => this.draw(drawn);
+  }
+
+  switchMode(): void {
+    const { controls } = this.app.viewer;
+    controls.mode = controls.mode === 'orbit' ? 'fly' : 'orbit';
+    this.mode.setAttribute('aria-pressed', String(controls.mode === 'fly'));
+    this.app.notice.set(controls.mode === 'fly' ? 'Flying: drag to look, W A S D to move' : 'Orbiting: drag to turn');
+  }
+
+  private draw({ triangles, framesPerSecond, less }: Drawn): void {
+    const rate = framesPerSecond > 0 ? ` · ${Math.round(framesPerSecond)} frames/s` : '';
+    const text = `${count(triangles)} triangles, ${this.app.detail.value}${rate}`;
+    if (text + less === this.text) return;
+    this.text = text + less;
+    this.drawn.dataset.triangles = String(triangles);
+    fill(this.drawn, text, less === '' ? null : h('span', { class: 'less' }, less));
+  }
+}

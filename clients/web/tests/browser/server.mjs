@@ -1,0 +1,49 @@
+// The real program: servers that are started and killed, and robots that stream into them.
+import { spawn } from 'node:child_process';
+import { createInterface } from 'node:readline';
+
+const program = process.env.PROGRAM ?? new URL('../../../../target/release/orenx', import.meta.url).pathname;
+const running = new Set();
+
+/** What is set for tests is no setting of a server. */
+const env = Object.fromEntries(Object.entries(process.env).filter(([name]) => !name.startsWith('ORENX_')));
+
+/** Starts the program; `lines` are what it says. */
+function start(args) {
+  const child = spawn(program, args, { env, stdio: ['ignore', 'pipe', 'inherit'] });
+  running.add(child);
+  const ended = new Promise((done) => child.on('exit', (code) => {
+    running.delete(child);
+    done(code);
+  }));
+  return { child, ended, lines: createInterface({ input: child.stdout }) };
+}
+
+/** A server on the ports that are given, or free ones. */
+export async function serve({ grpc = 0, http = 0, encoder = '' } = {}) {
+  const set = [`server.grpc=127.0.0.1:${grpc}`, `server.http=127.0.0.1:${http}`, 'storage.path='];
+  if (encoder) set.push('encoder.kind=static', `encoder.folder=${encoder}`);
+  const { child, ended, lines } = start(['serve', ...set.flatMap((one) => ['--set', one])]);
+  const ports = {};
+  for await (const line of lines) {
+    const [, kind, port] = /(gRPC|HTTP) on \w+:\/\/127\.0\.0\.1:(\d+)/.exec(line) ?? [];
+    if (kind) ports[kind.toLowerCase()] = Number(port);
+    if (ports.grpc && ports.http) break;
+  }
+  if (!ports.http) throw new Error(`the server did not start: ${await ended}`);
+  const kill = async () => {
+    child.kill('SIGKILL');
+    await ended;
+  };
+  return { ...ports, url: `http://127.0.0.1:${ports.http}/`, kill };
+}
+
+/** A robot that maps the synthetic room; ends with its stream. */
+export function stream(grpc, ...options) {
+  return start(['stream', 'synthetic:room', `http://127.0.0.1:${grpc}`, ...options]).ended;
+}
+
+/** Ends everything that was started. */
+export function stopAll() {
+  for (const child of running) child.kill('SIGKILL');
+}
