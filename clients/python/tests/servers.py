@@ -76,21 +76,22 @@ def start(*settings: str, zenoh: bool = False, config: pathlib.Path | None = Non
     )
     late = threading.Timer(PATIENCE_S, process.kill)
     late.start()
-    found: dict[str, str] = {}
+    server = Server("", "", f"zenoh+tcp://127.0.0.1:{port}", process, log)
     try:
         assert process.stdout is not None
         for line in process.stdout:
-            for key, pattern in (("grpc", r"(grpcs?://\S+)"), ("http", r"(https?://\S+)")):
-                if match := re.search(pattern, line):
-                    found[key] = match[1]
+            if match := re.search(r"(grpcs?://\S+)", line):
+                server.grpc = match[1]
+            elif match := re.search(r" HTTP.* (https?://\S+)", line):
+                server.http = match[1]
             if line.startswith("map "):
-                break
-        else:
-            log.seek(0)
-            raise AssertionError(f"the server did not start: {log.read()}")
+                return server
+        log.seek(0)
+        said = log.read()
     finally:
         late.cancel()
-    return Server(found["grpc"], found["http"], f"zenoh+tcp://127.0.0.1:{port}", process, log)
+    server.stop()
+    raise AssertionError(f"the server did not start: {said}")
 
 
 def encoder() -> list[str]:
