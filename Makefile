@@ -2,7 +2,8 @@
 #   make demo   set up, build, start a server, let a simulated robot map a room into it
 #   make test   set up, build, test
 # and for who changes the code:
-#   make lint   format, clippy, docs, dependencies, spelling; types and style of the dashboard
+#   make lint   format, clippy, docs, dependencies, spelling; types and style of the dashboard and of the
+#               Python client; the files of deploy/
 #   make web    the dashboard alone: `cargo build` takes it in
 
 # Recorded scenes for the tests that want them; a test without its data says that it is skipped.
@@ -33,6 +34,8 @@ test: export ORENX_TEST_BROWSER := $(shell command -v chromium || echo /usr/bin/
 test: setup-test $(WEB_PAGE)
 	cd $(WEB) && npm test
 	cargo test $(CARGO_FLAGS)
+	ORENX_BIN=$(CURDIR)/target/release/orenx .venv/bin/python -m pytest -c clients/python/pyproject.toml \
+		clients/python/tests deploy/tests
 
 lint: setup-lint $(WEB_PAGE)
 	cd $(WEB) && npm run check && npm run lint
@@ -41,6 +44,9 @@ lint: setup-lint $(WEB_PAGE)
 	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --no-deps --document-private-items
 	target/tools/bin/cargo-deny --locked check bans licenses sources
 	.venv/bin/typos
+	cd clients/python && ../../.venv/bin/ruff check . ../../deploy && ../../.venv/bin/ruff format --check . ../../deploy
+	cd clients/python && ../../.venv/bin/mypy
+	deploy/lint
 
 web: setup $(WEB_PAGE)
 

@@ -7,7 +7,8 @@ mod embed;
 use std::error::Error;
 use std::path::PathBuf;
 
-const FILES: [&str; 8] = [
+const FILES: [&str; 9] = [
+    "orenx/v1/admin.proto",
     "orenx/v1/geometry.proto",
     "orenx/v1/ingest.proto",
     "orenx/v1/language.proto",

@@ -3,11 +3,14 @@
 //! [`MapSettings`] is raw: what the file, the environment and the flags say. [`MapConfig`] is
 //! checked and complete: every profile default is filled in, and it travels inside a checkpoint.
 
+mod access;
 mod bus;
 mod encoder;
 mod language;
 mod layers;
+mod log;
 mod ros2;
+mod secret;
 mod server;
 mod stored;
 
@@ -15,12 +18,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
+pub use access::{
+    AccessConfig, AuthSettings, KeyConfig, KeySettings, KeySource, LimitSettings, Role, TlsConfig,
+    TlsSettings, check_key, is_loopback,
+};
 pub use bus::{
     BusConfig, BusMode, BusSettings, FrameLimits, SliceConfig, SliceSettings, check_chunk,
 };
 pub use encoder::{EncoderKind, EncoderSettings};
 pub use language::{CodeForm, DictionaryKind, LanguageConfig, MAX_ATOMS};
+pub use log::{LogFormat, LogSettings};
 pub use ros2::{Bridge, Ros2Config, Ros2Outputs, Ros2Settings};
+pub use secret::Secret;
 pub use server::{
     DEFAULT_FILE, GpuSettings, ServerConfig, ServerSettings, Settings, StorageSettings,
 };

@@ -4,6 +4,7 @@
 //! line cannot disagree about what kind of failure happened.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// What went wrong, in terms that a caller can act on.
 #[derive(Debug, thiserror::Error)]
@@ -22,6 +23,15 @@ pub enum Error {
     /// A bound was reached; what was there before stays.
     #[error("{what}: {limit}")]
     ResourceExhausted { what: String, limit: String },
+    /// A client asked too often or too much at once; the rest as in [`Error::ResourceExhausted`].
+    #[error("{what}: {limit}")]
+    Limited { what: String, limit: String, retry_after: Duration },
+    /// Nobody knows who asks: there is no key, or one of nobody.
+    #[error("{0}")]
+    Unauthenticated(String),
+    /// Who asks may not.
+    #[error("{0}")]
+    PermissionDenied(String),
     /// The request is well formed but the state does not allow it now.
     #[error("{0}")]
     FailedPrecondition(String),
@@ -75,6 +85,8 @@ pub enum Status {
     InvalidArgument,
     NotFound,
     ResourceExhausted,
+    Unauthenticated,
+    PermissionDenied,
     FailedPrecondition,
     Unavailable,
     DeadlineExceeded,
@@ -101,6 +113,14 @@ impl Error {
         }
     }
 
+    /// When a client may try again, where that is known.
+    pub fn retry_after(&self) -> Option<Duration> {
+        match self {
+            Self::Limited { retry_after, .. } => Some(*retry_after),
+            _ => None,
+        }
+    }
+
     /// A file that the operating system refused.
     pub fn io(path: impl AsRef<Path>, source: std::io::Error) -> Self {
         Self::Io { path: path.as_ref().to_path_buf(), source }
@@ -116,7 +136,9 @@ impl Error {
         match self {
             Self::InvalidArgument { .. } | Self::Frame { .. } => Status::InvalidArgument,
             Self::NotFound { .. } => Status::NotFound,
-            Self::ResourceExhausted { .. } => Status::ResourceExhausted,
+            Self::ResourceExhausted { .. } | Self::Limited { .. } => Status::ResourceExhausted,
+            Self::Unauthenticated(_) => Status::Unauthenticated,
+            Self::PermissionDenied(_) => Status::PermissionDenied,
             Self::FailedPrecondition(_) => Status::FailedPrecondition,
             Self::Unavailable(_) => Status::Unavailable,
             Self::DeadlineExceeded(_) => Status::DeadlineExceeded,

@@ -8,6 +8,7 @@ mod find;
 mod grid;
 mod image;
 mod language;
+mod local;
 mod maps;
 mod mirror;
 mod nearest;
@@ -51,6 +52,7 @@ pub use find::{
 };
 pub use grid::{Grid, GridColumns, GridQuestion, GridReply, MAX_VOXELS, NumberFormat};
 pub use image::{ImageKind, ImageQuestion, ImageReply, MAX_IMAGE_BYTES, MAX_IMAGES};
+pub use local::Local;
 pub use maps::{MapDetail, MapHealth, MapReport, MapSummary};
 pub use mirror::Follower;
 pub use nearest::{NearestQuestion, NearestReply};

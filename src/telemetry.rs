@@ -1,18 +1,12 @@
 //! What the process says about itself: logs, memory, times.
 
 mod histogram;
+mod log;
+#[cfg(feature = "otel")]
+mod otel;
 
 pub use histogram::{BOUNDS_S, Distribution, Histogram};
-
-use tracing_subscriber::EnvFilter;
-
-/// Logs warnings and worse to stderr, or what `ORENX_LOG` asks for (`info`, `orenx::engine=debug`).
-pub fn log_to_stderr() {
-    let filter = EnvFilter::try_from_env("ORENX_LOG").unwrap_or_else(|_| EnvFilter::new("warn"));
-    // A second subscriber in one process is refused; the first one goes on.
-    let _ =
-        tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr).try_init();
-}
+pub use log::{check_log, end_log, log_as, log_to_stderr, set_log_level};
 
 /// Memory that the process holds now (resident set), bytes; 0 where the system does not tell.
 pub fn resident_bytes() -> u64 {

@@ -78,6 +78,11 @@ impl Keys {
         self.of_map(map_id, &format!("out/slice/{name}"))
     }
 
+    /// Where the news of a watch are said.
+    pub fn watch(&self, map_id: &str, id: &str) -> String {
+        self.of_map(map_id, &format!("out/watch/{id}"))
+    }
+
     /// Whoever serves the map lives as long as this token.
     pub fn alive(&self, map_id: &str, id: &str) -> String {
         self.of_map(map_id, &format!("alive/{id}"))

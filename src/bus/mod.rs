@@ -18,7 +18,7 @@ use zenoh::bytes::Encoding;
 pub use join::Joining;
 pub use keys::{FrameKey, Keys};
 pub use payload::Slices;
-pub use robot::{RobotNode, TopicPublisher, TopicSubscriber};
+pub use robot::{RobotNode, RobotService, ServiceRequest, TopicPublisher, TopicSubscriber};
 
 use crate::config::BusConfig;
 use crate::error::{Error, Result};

@@ -4,9 +4,11 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicI64, AtomicUsize, Ordering::Relaxed};
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Priority};
+use zenoh::query::{Query, Queryable};
 use zenoh::sample::Sample;
 use zenoh_ext::{AdvancedSubscriber, AdvancedSubscriberBuilderExt, HistoryConfig};
 
@@ -32,6 +34,16 @@ pub struct RobotNode {
 /// A topic that is listened to, until dropped.
 pub struct TopicSubscriber {
     _subscriber: AdvancedSubscriber<()>,
+}
+
+/// A service that we answer, until dropped.
+pub struct RobotService {
+    _queryable: Queryable<()>,
+}
+
+/// One request of a service.
+pub struct ServiceRequest {
+    query: Query,
 }
 
 /// A topic that we say something on.
@@ -107,6 +119,31 @@ impl RobotNode {
         Ok(TopicPublisher { publisher, gid, count: AtomicI64::new(1) })
     }
 
+    /// Answers a service. `callback` is on a thread of the network, and must not wait.
+    pub async fn serve(
+        &self,
+        name: &str,
+        kind: Type,
+        callback: impl Fn(ServiceRequest) + Send + Sync + 'static,
+    ) -> Result<RobotService> {
+        let key = match &self.bridge {
+            Bridge::Dds { namespace } => bridge_key(namespace, name)?,
+            Bridge::Rmw { domain, .. } => rmw_key(*domain, name, &kind, ANY_HASH)?,
+        };
+        let queryable = self
+            .bus
+            .session()
+            .declare_queryable(&key)
+            // Clients ask those who know everything of their key.
+            .complete(true)
+            .callback(move |query| callback(ServiceRequest { query }))
+            .await;
+        let queryable = queryable.map_err(|e| bus_error(&key, &e))?;
+        // Last: who sees it may ask.
+        self.announce(Role::Server, name, kind).await?;
+        Ok(RobotService { _queryable: queryable })
+    }
+
     /// Declares the token of an endpoint.
     async fn announce(&self, role: Role, topic: &str, kind: Type) -> Result<String> {
         let session = self.bus.id();
@@ -140,6 +177,36 @@ impl RobotNode {
     }
 }
 
+impl ServiceRequest {
+    /// What is asked.
+    pub fn payload(&self) -> Vec<u8> {
+        self.query.payload().map(|payload| payload.to_bytes().into_owned()).unwrap_or_default()
+    }
+
+    /// Answers it, on a thread that may wait. A client of rmw_zenoh knows its answer by the number and
+    /// the id that came with the request.
+    pub fn answer(&self, payload: Vec<u8>) {
+        let reply = self.query.reply(self.query.key_expr().clone(), payload);
+        let asked = self.query.attachment().map(|bytes| Attachment::from_bytes(&bytes.to_bytes()));
+        let reply = match asked {
+            Some(Ok(asked)) => {
+                let attachment = Attachment { source_stamp_ns: now_ns(), ..asked };
+                reply.attachment(attachment.to_bytes().to_vec())
+            }
+            // The bridge keeps account of its own.
+            _ => reply,
+        };
+        if let Err(error) = reply.wait() {
+            tracing::debug!("{}: {error}", self.query.key_expr());
+        }
+    }
+}
+
+fn now_ns() -> i64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(now.as_nanos()).unwrap_or(i64::MAX)
+}
+
 impl TopicPublisher {
     /// Whether anybody listens.
     pub async fn is_heard(&self) -> bool {
@@ -152,10 +219,9 @@ impl TopicPublisher {
         let put = match self.gid {
             None => put,
             Some(gid) => {
-                let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
                 let attachment = Attachment {
                     sequence_number: self.count.fetch_add(1, Relaxed),
-                    source_stamp_ns: i64::try_from(now.as_nanos()).unwrap_or(i64::MAX),
+                    source_stamp_ns: now_ns(),
                     gid,
                 };
                 put.attachment(attachment.to_bytes().to_vec())

@@ -8,6 +8,7 @@ use rayon::ThreadPool;
 use rayon::prelude::*;
 use tokio::runtime::Runtime;
 
+use super::credentials::CredentialArgs;
 use super::encoder::EncoderArgs;
 use super::open::{asking_runtime, is_url, open_view};
 use crate::client::Questioner;
@@ -43,11 +44,15 @@ pub(super) struct Heat {
 
 impl Answerer {
     /// Opens a map file, or connects to a server.
-    pub(super) fn open(map: &str, encoder: &EncoderArgs) -> Result<Self> {
+    pub(super) fn open(
+        map: &str,
+        encoder: &EncoderArgs,
+        credentials: &CredentialArgs,
+    ) -> Result<Self> {
         if is_url(map) {
             let encoder = encoder.open()?;
             let runtime = asking_runtime()?;
-            let client = runtime.block_on(Questioner::connect(map))?;
+            let client = runtime.block_on(Questioner::connect_with(map, &credentials.read()?))?;
             return Ok(Self { source: Source::Server { client, runtime }, encoder });
         }
         let view = open_view(Path::new(map))?;

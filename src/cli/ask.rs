@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use self::picture::Picture;
 use super::answerer::{Answerer, Heat};
+use super::credentials::CredentialArgs;
 use super::encoder::EncoderArgs;
 use super::render::Size;
 use crate::error::{Error, Result};
@@ -55,6 +56,8 @@ pub struct AskArgs {
     pub min_score: Option<f32>,
     #[command(flatten)]
     encoder: EncoderArgs,
+    #[command(flatten)]
+    credentials: CredentialArgs,
     /// Matches as JSON
     #[arg(long)]
     pub json: bool,
@@ -74,7 +77,7 @@ pub struct AskArgs {
 
 impl AskArgs {
     pub fn run(self) -> anyhow::Result<()> {
-        let answerer = Answerer::open(&self.map, &self.encoder)?;
+        let answerer = Answerer::open(&self.map, &self.encoder, &self.credentials)?;
         let start = Instant::now();
         let question = self.question(&answerer)?;
         let Findings { matches, places } = answerer.find(&question)?;

@@ -8,6 +8,7 @@ use clap::Args;
 use glam::Vec3;
 
 use super::answerer::Answerer;
+use super::credentials::CredentialArgs;
 use super::encoder::EncoderArgs;
 use crate::error::{Error, Result};
 use crate::numpy::{ArchiveWriter, ArrayReader};
@@ -35,12 +36,14 @@ pub struct ClassifyArgs {
     pub out: PathBuf,
     #[command(flatten)]
     encoder: EncoderArgs,
+    #[command(flatten)]
+    credentials: CredentialArgs,
 }
 
 impl ClassifyArgs {
     pub fn run(self) -> anyhow::Result<()> {
         let prompts = class_names(&self.classes)?;
-        let answerer = Answerer::open(&self.map, &self.encoder)?;
+        let answerer = Answerer::open(&self.map, &self.encoder, &self.credentials)?;
         let words = Sought::Words { prompts, negatives: Some(Vec::new()) };
         let classes = answerer.sought(words, "classes")?;
         let (class, score) = classify_file(&answerer, &self.points, &classes)?;

@@ -9,6 +9,8 @@ mod answerer;
 pub mod ask;
 pub mod bench;
 pub mod classify;
+pub mod config;
+mod credentials;
 pub mod demo;
 pub mod doctor;
 mod encoder;
@@ -18,6 +20,7 @@ mod invocation;
 pub mod map;
 pub mod mesh;
 mod open;
+pub mod planner;
 pub mod query;
 pub mod render;
 pub mod serve;
@@ -45,6 +48,7 @@ enum Command {
     Map(map::MapArgs),
     Eval(eval::EvalArgs),
     Query(query::QueryArgs),
+    Planner(planner::PlannerArgs),
     Slice(slice::SliceArgs),
     Mesh(mesh::MeshArgs),
     Render(render::RenderArgs),
@@ -53,6 +57,7 @@ enum Command {
     Bench(bench::BenchArgs),
     Ablate(ablate::AblateArgs),
     Doctor(doctor::DoctorArgs),
+    Config(config::ConfigArgs),
 }
 
 /// Without a session there is no display. A layer of Mesa asks it all the same which GPU it is on,
@@ -69,14 +74,19 @@ fn no_display() {
 /// code 2, as clap does.
 pub fn run() -> ExitCode {
     no_display();
-    crate::telemetry::log_to_stderr();
-    let result = match Arguments::parse().command {
+    let command = Arguments::parse().command;
+    // A server has settings of its log.
+    if !matches!(command, Command::Serve(_)) {
+        crate::telemetry::log_to_stderr();
+    }
+    let result = match command {
         Command::Demo(arguments) => arguments.run(),
         Command::Serve(arguments) => arguments.run(),
         Command::Stream(arguments) => arguments.run(),
         Command::Map(arguments) => arguments.run(),
         Command::Eval(arguments) => arguments.run(),
         Command::Query(arguments) => arguments.run(),
+        Command::Planner(arguments) => arguments.run(),
         Command::Slice(arguments) => arguments.run(),
         Command::Mesh(arguments) => arguments.run(),
         Command::Render(arguments) => arguments.run(),
@@ -85,7 +95,9 @@ pub fn run() -> ExitCode {
         Command::Bench(arguments) => arguments.run(),
         Command::Ablate(arguments) => arguments.run(),
         Command::Doctor(arguments) => arguments.run(),
+        Command::Config(arguments) => arguments.run(),
     };
+    crate::telemetry::end_log();
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -19,7 +19,9 @@ pub(super) fn open_view(path: &Path) -> Result<Arc<MapView>> {
 
 /// Whether a MAP argument names a server.
 pub(super) fn is_url(map: &str) -> bool {
-    ["http://", "https://", "grpc://", "zenoh+"].iter().any(|scheme| map.starts_with(scheme))
+    ["http://", "https://", "grpc://", "grpcs://", "zenoh+"]
+        .iter()
+        .any(|scheme| map.starts_with(scheme))
 }
 
 /// What a command that asks a server waits in: Zenoh wants threads beside the one that waits.

@@ -10,6 +10,7 @@ use glam::Vec3;
 use rayon::ThreadPool;
 use tokio::runtime::Runtime;
 
+use super::credentials::CredentialArgs;
 use super::open::{asking_runtime, is_url, open_view};
 use crate::client::Questioner;
 use crate::error::{Error, Result};
@@ -42,11 +43,13 @@ pub struct QueryArgs {
     /// Where the answers go: arrays sdf, gradient, occupancy, state, color
     #[arg(long, value_name = "FILE.npz", requires = "points_file")]
     pub out: Option<PathBuf>,
+    #[command(flatten)]
+    credentials: CredentialArgs,
 }
 
 impl QueryArgs {
     pub fn run(self) -> anyhow::Result<()> {
-        let source = Source::open(&self.map)?;
+        let source = Source::open(&self.map, &self.credentials)?;
         match (&self.points_file, &self.out) {
             (Some(points), Some(out)) => answer_file(&source, points, out)?,
             _ => {
@@ -67,10 +70,11 @@ enum Source {
 }
 
 impl Source {
-    fn open(map: &str) -> Result<Self> {
+    fn open(map: &str, credentials: &CredentialArgs) -> Result<Self> {
         if is_url(map) {
+            let credentials = credentials.read()?;
             let runtime = asking_runtime()?;
-            let client = runtime.block_on(Questioner::connect(map))?;
+            let client = runtime.block_on(Questioner::connect_with(map, &credentials))?;
             return Ok(Self::Server { client, runtime });
         }
         Ok(Self::View { view: open_view(Path::new(map))?, pool: query_pool(0)? })

@@ -11,6 +11,7 @@ use rayon::ThreadPool;
 use tokio::runtime::Runtime;
 
 use self::viewpoints::{Orbit, Viewpoint};
+use super::credentials::CredentialArgs;
 use super::open::{asking_runtime, is_url, open_view};
 use crate::client::Questioner;
 use crate::dataset::{cameras, pose};
@@ -59,6 +60,8 @@ pub struct RenderArgs {
     /// A folder for NAME.OUTPUT.png; with --pose a file, F.png, or F.OUTPUT.png for several outputs
     #[arg(long, value_name = "DIR|F.png")]
     pub out: PathBuf,
+    #[command(flatten)]
+    credentials: CredentialArgs,
 }
 
 impl RenderArgs {
@@ -68,7 +71,7 @@ impl RenderArgs {
             let usual = [Output::Color, Output::Depth];
             outputs = usual[..if self.pose.is_some() { 1 } else { 2 }].to_vec();
         }
-        let source = Source::open(&self.map, self.renderer, self.sample)?;
+        let source = Source::open(&self)?;
         let viewpoints = self.viewpoints(&source)?;
         if self.pose.is_none() {
             std::fs::create_dir_all(&self.out).map_err(|e| Error::io(&self.out, e))?;
@@ -129,13 +132,16 @@ enum Source {
 }
 
 impl Source {
-    fn open(map: &str, renderer: Renderer, sample: SamplePosition) -> Result<Self> {
+    fn open(arguments: &RenderArgs) -> Result<Self> {
+        let RenderArgs { map, renderer, sample, .. } = arguments;
+        let (renderer, sample) = (*renderer, *sample);
         if is_url(map) {
             if sample != SamplePosition::ZeroCrossing {
                 return Err(Error::invalid("sample", "is for map files, not for servers"));
             }
             let runtime = asking_runtime()?;
-            let client = runtime.block_on(Questioner::connect(map))?;
+            let client =
+                runtime.block_on(Questioner::connect_with(map, &arguments.credentials.read()?))?;
             return Ok(Self::Server { client, runtime, renderer });
         }
         let settings = RenderSettings { renderer, sample, ..RenderSettings::default() };

@@ -7,8 +7,10 @@ use clap::Args;
 
 use super::heap;
 use crate::config::{ServerConfig, Settings};
+use crate::error::Result;
 use crate::serve::{self, Listeners};
 use crate::service::Service;
+use crate::telemetry::{check_log, log_as};
 use crate::threads::Urgency;
 
 /// Serve a map: take frames, answer questions, save at the end
@@ -35,14 +37,15 @@ pub struct ServeArgs {
 impl ServeArgs {
     pub fn run(self) -> anyhow::Result<()> {
         heap::bound();
-        let variables = std::env::vars_os();
-        let settings = Settings::layered(self.config.as_deref(), variables, &self.flags())?;
+        let settings = self.settings()?;
         let (config, map) = ServerConfig::from_settings(&settings)?;
+        check_log(&config.written.log)?;
         let runtime = tokio::runtime::Builder::new_multi_thread()
             .enable_all()
             .on_thread_start(|| Urgency::Prompt.declare())
             .build()?;
         runtime.block_on(async {
+            log_as(&config.written.log)?;
             // The ports first: a second server must not wait for a map before it says so, and probes
             // are told that it is being loaded.
             let listeners = Listeners::bind(&config).await?;
@@ -78,6 +81,11 @@ impl ServeArgs {
 }
 
 impl ServeArgs {
+    /// The settings of all layers.
+    pub(super) fn settings(&self) -> Result<Settings> {
+        Settings::layered(self.config.as_deref(), std::env::vars_os(), &self.flags())
+    }
+
     /// Every flag as a setting; those that have a name of their own go over `--set`.
     fn flags(&self) -> Vec<String> {
         let mut flags = self.set.clone();

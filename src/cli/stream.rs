@@ -9,6 +9,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::json;
 
+use super::credentials::CredentialArgs;
 use crate::client::{Client, Pace, StreamReport, ZenohClient, load_ahead, send};
 use crate::dataset::{self, Format, FrameRange};
 use crate::engine::QueuePolicy;
@@ -44,6 +45,8 @@ pub struct StreamArgs {
     /// Write the report here as JSON
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
+    #[command(flatten)]
+    credentials: CredentialArgs,
 }
 
 impl StreamArgs {
@@ -74,7 +77,8 @@ impl StreamArgs {
         let report = if self.url.starts_with("zenoh+") {
             send(&ZenohClient::connect(&self.url).await?, pace, frames, progress).await?
         } else {
-            send(&Client::connect(&self.url).await?, pace, frames, progress).await?
+            let client = Client::connect_with(&self.url, &self.credentials.read()?).await?;
+            send(&client, pace, frames, progress).await?
         };
         bar.finish_and_clear();
         print(&name, &report);

@@ -6,12 +6,12 @@ use std::time::Duration;
 
 use bytes::Bytes;
 use http_body_util::{BodyExt, Full, Limited};
+use hyper::header::HeaderValue;
 use hyper::header::{ACCEPT, CONTENT_TYPE, HOST, HeaderMap};
 use hyper::{Method, Request, Uri};
 use hyper_util::rt::TokioIo;
-use tokio::net::TcpStream;
 
-use super::CONNECT;
+use super::credentials::{Bytes as Io, Credentials, Dial, KEY_HEADER, NoConnection};
 use crate::error::{Error, Result};
 use crate::map::Fields;
 use crate::service::{PointsQuestion, PointsReply, Sought, UnknownPolicy};
@@ -25,10 +25,12 @@ const ANSWER: Duration = Duration::from_secs(90);
 const RAW: &str = "application/octet-stream";
 
 /// One server. Each request has a connection of its own.
-#[derive(Debug, Clone)]
+#[derive(Clone)]
 pub struct HttpClient {
+    dial: Dial,
     /// Host and port.
     authority: String,
+    key: Option<HeaderValue>,
 }
 
 /// An answer that is no error.
@@ -52,19 +54,40 @@ impl Answer {
 impl HttpClient {
     /// The server at `http://host:port`. Nothing is sent yet.
     pub fn new(url: &str) -> Result<Self> {
+        Self::with(url, &Credentials::default())
+    }
+
+    /// The same, or that at `https://host:port`, with what it asks for.
+    pub fn with(url: &str, credentials: &Credentials) -> Result<Self> {
         let wrong = |problem: &str| Error::invalid("URL", format!("'{url}': {problem}"));
         let uri: Uri = url.parse().map_err(|_| wrong("is no URL"))?;
-        let host = uri.host().filter(|_| uri.scheme_str() == Some("http"));
-        let host = host.ok_or_else(|| wrong("try http://host:7611"))?;
+        let (Some(host), Some(scheme @ ("http" | "https"))) = (uri.host(), uri.scheme_str()) else {
+            return Err(wrong("try http://host:7611"));
+        };
         if !matches!(uri.path(), "" | "/") || uri.query().is_some() {
             return Err(wrong("must end after the port"));
         }
-        Ok(Self { authority: format!("{host}:{}", uri.port_u16().unwrap_or(80)) })
+        let dial = match scheme {
+            "https" => Dial::secure(host, uri.port_u16().unwrap_or(443), credentials, b"http/1.1")?,
+            _ => Dial::plain(host, uri.port_u16().unwrap_or(80)),
+        };
+        let key = credentials.header()?.map(|key| {
+            let mut value = HeaderValue::from_bytes(key.as_bytes());
+            if let Ok(value) = &mut value {
+                value.set_sensitive(true);
+            }
+            value
+        });
+        let key = key.transpose().map_err(|_| wrong("the key does not fit into a header"))?;
+        Ok(Self { authority: dial.authority(), dial, key })
     }
 
     /// Whether the server answers in HTTP/1.1; an error if nothing listens there.
     pub(super) async fn is_spoken(&self) -> Result<bool> {
-        let stream = self.connect().await?;
+        let stream = match self.dial.connect().await {
+            Err(NoConnection::OtherProtocol) => return Ok(false),
+            connected => self.connected(connected)?,
+        };
         Ok(self
             .exchange(stream, self.request(Method::GET, "/healthz", Bytes::new())?)
             .await
@@ -76,7 +99,7 @@ impl HttpClient {
         let path = format!("/v1/maps/{}/query/points{}", question.map_id, options(question)?);
         let body = Bytes::copy_from_slice(bytemuck::cast_slice(&question.points));
         let mut request = self.request(Method::POST, &path, body)?;
-        let raw = hyper::header::HeaderValue::from_static(RAW);
+        let raw = HeaderValue::from_static(RAW);
         request.headers_mut().insert(CONTENT_TYPE, raw.clone());
         request.headers_mut().insert(ACCEPT, raw);
         let answer = self.answer(request).await?;
@@ -102,47 +125,54 @@ impl HttpClient {
     /// The same, with what the headers say.
     pub(super) async fn posted_json(&self, path: &str, body: String) -> Result<Answer> {
         let mut request = self.request(Method::POST, path, Bytes::from(body))?;
-        let json = hyper::header::HeaderValue::from_static("application/json");
+        let json = HeaderValue::from_static("application/json");
         request.headers_mut().insert(CONTENT_TYPE, json);
         self.answer(request).await
     }
 
     fn request(&self, method: Method, path: &str, body: Bytes) -> Result<Request<Full<Bytes>>> {
-        let request = Request::builder().method(method).uri(path).header(HOST, &self.authority);
+        let mut request = Request::builder().method(method).uri(path).header(HOST, &self.authority);
+        if let Some(key) = &self.key {
+            request = request.header(KEY_HEADER, key);
+        }
         request
             .body(Full::new(body))
             .map_err(|e| Error::invalid("URL", format!("'{path}' is no path: {e}")))
     }
 
     async fn answer(&self, request: Request<Full<Bytes>>) -> Result<Answer> {
-        let stream = self.connect().await?;
+        let stream = self.connected(self.dial.connect().await)?;
         self.exchange(stream, request).await?
     }
 
-    async fn connect(&self) -> Result<TcpStream> {
-        let at = &self.authority;
-        let unavailable = |problem: String| {
-            Error::Unavailable(format!("no server answers at http://{at}: {problem}"))
-        };
-        let connecting = tokio::time::timeout(CONNECT, TcpStream::connect(at));
-        let stream = connecting
-            .await
-            .map_err(|_| unavailable(format!("no connection within {CONNECT:?}")))?
-            .map_err(|e| unavailable(e.to_string()))?;
-        stream.set_nodelay(true).map_err(|e| unavailable(e.to_string()))?;
-        Ok(stream)
+    fn connected(
+        &self,
+        connected: std::result::Result<Box<dyn Io>, NoConnection>,
+    ) -> Result<Box<dyn Io>> {
+        connected.map_err(|error| {
+            let problem = match error {
+                NoConnection::Failed(problem) => problem,
+                NoConnection::OtherProtocol => "it speaks no HTTP/1.1".into(),
+            };
+            Error::Unavailable(format!("no server answers at {}: {problem}", self.url()))
+        })
+    }
+
+    fn url(&self) -> String {
+        let scheme = if self.dial.is_secure() { "https" } else { "http" };
+        format!("{scheme}://{}", self.authority)
     }
 
     /// Sends a request and reads its answer: the outer result is that of the connection, the inner
     /// one the server's.
     async fn exchange(
         &self,
-        stream: TcpStream,
+        stream: Box<dyn Io>,
         request: Request<Full<Bytes>>,
     ) -> Result<Result<Answer>> {
-        let at = &self.authority;
+        let at = self.url();
         let broken = |problem: String| {
-            Error::Unavailable(format!("the server at http://{at} speaks no HTTP/1.1: {problem}"))
+            Error::Unavailable(format!("the server at {at} speaks no HTTP/1.1: {problem}"))
         };
         let exchange = async {
             let (mut sender, connection) =
@@ -232,8 +262,8 @@ mod tests {
         assert_eq!(authority("http://127.0.0.1:7611"), Some("127.0.0.1:7611".into()));
         assert_eq!(authority("http://[::1]:7611/"), Some("[::1]:7611".into()));
         assert_eq!(authority("http://robot"), Some("robot:80".into()));
-        for wrong in
-            ["https://robot:7611", "robot:7611", "http://robot/v1", "http://", "http://a b"]
+        assert_eq!(authority("https://robot"), Some("robot:443".into()));
+        for wrong in ["grpc://robot:7611", "robot:7611", "http://robot/v1", "http://", "http://a b"]
         {
             assert_eq!(authority(wrong), None, "{wrong}");
         }

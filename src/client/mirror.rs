@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 use tonic::Streaming;
 
-use super::Client;
+use super::{Client, Credentials};
 use crate::error::{Error, Result};
 use crate::map::{Copying, MapView, Part};
 use crate::wire::v1::mirror_client::MirrorClient;
@@ -73,6 +73,11 @@ impl Mirror {
 
     /// Follows what is asked for; returns with the first view.
     pub fn follow(url: &str, asked: Subscription) -> Result<Self> {
+        Self::follow_with(url, asked, Credentials::default())
+    }
+
+    /// The same, with what a server asks for.
+    pub fn follow_with(url: &str, asked: Subscription, credentials: Credentials) -> Result<Self> {
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()
@@ -86,7 +91,7 @@ impl Mirror {
                 runtime.block_on(async {
                     tokio::select! {
                         _ = stopped => {}
-                        () = followed.follow(&url, &asked) => {}
+                        () = followed.follow(&url, &asked, &credentials) => {}
                     }
                 });
             })
@@ -151,11 +156,11 @@ impl Shared {
         }
     }
 
-    async fn follow(&self, url: &str, asked: &Subscription) {
+    async fn follow(&self, url: &str, asked: &Subscription, credentials: &Credentials) {
         let mut pause = FIRST_PAUSE;
         loop {
             let starts = self.inner().state.starts;
-            let Err(error) = self.follow_once(url, asked).await;
+            let Err(error) = self.follow_once(url, asked, credentials).await;
             if self.lose(error) > starts {
                 pause = FIRST_PAUSE;
             }
@@ -178,8 +183,13 @@ impl Shared {
     }
 
     /// Follows until something goes wrong.
-    async fn follow_once(&self, url: &str, asked: &Subscription) -> Result<Never> {
-        let mut messages = Client::connect(url).await?.subscribe(asked).await?;
+    async fn follow_once(
+        &self,
+        url: &str,
+        asked: &Subscription,
+        credentials: &Credentials,
+    ) -> Result<Never> {
+        let mut messages = Client::connect_with(url, credentials).await?.subscribe(asked).await?;
         let mut copying: Option<Copying> = None;
         let mut told: Option<Arc<MapView>> = None;
         loop {

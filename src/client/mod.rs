@@ -1,6 +1,8 @@
 //! Clients of a server: gRPC for the demo robot, `orenx stream` and whoever asks; HTTP and Zenoh for
 //! those who prefer them.
 
+mod credentials;
+mod dialing;
 mod http;
 mod images;
 mod language;
@@ -16,6 +18,8 @@ use glam::Vec3;
 use tokio::sync::mpsc;
 use tokio_stream::{Stream, StreamExt};
 use tonic::Streaming;
+use tonic::codegen::http::Uri;
+use tonic::service::interceptor::InterceptedService;
 use tonic::transport::{Channel, Endpoint};
 
 use crate::engine::Emptied;
@@ -38,6 +42,7 @@ use crate::wire::{
 };
 
 pub use self::zenoh::ZenohClient;
+pub use credentials::Credentials;
 pub use http::HttpClient;
 pub use images::camera_json;
 pub use mirror::{Mirror, MirrorState};
@@ -45,33 +50,52 @@ pub use planner::{RegionNews, TrajectoryNews};
 pub use questioner::Questioner;
 pub use stream::{Outgoing, Pace, StreamReport, load_ahead, send};
 
+use credentials::{Dial, Showing};
+use dialing::Dialing;
+
 /// How long a connection may take to be made.
 const CONNECT: Duration = Duration::from_secs(10);
+
+/// A channel whose calls show our key.
+type Authorized = InterceptedService<Channel, Showing>;
 
 /// A connection to one server. Cheap to clone; clones share the connection.
 #[derive(Clone)]
 pub struct Client {
-    channel: Channel,
+    channel: Authorized,
 }
 
 impl Client {
-    /// Connects to `host:port` or `http://host:port`.
+    /// Connects to `host:port`, `grpc://host:port` or, over TLS, `grpcs://host:port`.
     pub async fn connect(url: &str) -> Result<Self> {
+        Self::connect_with(url, &Credentials::default()).await
+    }
+
+    /// The same, with what a server asks for.
+    pub async fn connect_with(url: &str, credentials: &Credentials) -> Result<Self> {
         let wrong = |problem: String| Error::invalid("URL", format!("'{url}': {problem}"));
-        let address = match url.split_once("://") {
-            None => format!("http://{url}"),
-            Some(("http" | "grpc", rest)) => format!("http://{rest}"),
-            Some((scheme, _)) => {
-                return Err(wrong(format!("{scheme}:// is not spoken; try http://host:7610")));
-            }
+        let (scheme, rest) = url.split_once("://").unwrap_or(("grpc", url));
+        let is_secure = match scheme {
+            "http" | "grpc" => false,
+            "https" | "grpcs" => true,
+            _ => return Err(wrong(format!("{scheme}:// is not spoken; try grpc://host:7610"))),
         };
-        let endpoint = Endpoint::from_shared(address)
-            .map_err(|e| wrong(e.to_string()))?
-            .connect_timeout(CONNECT)
-            .tcp_nodelay(true);
-        let channel = endpoint.connect().await.map_err(|e| {
+        // The way there is ours, TLS included: all that the transport must know is the name.
+        let uri: Uri = format!("http://{rest}").parse().map_err(|_| wrong("is no URL".into()))?;
+        let host = uri.host().ok_or_else(|| wrong("has no host".into()))?;
+        let port = uri.port_u16().unwrap_or(if is_secure { 443 } else { 80 });
+        let (dial, spoken) = match is_secure {
+            true => (Dial::secure(host, port, credentials, b"h2")?, "https"),
+            false => (Dial::plain(host, port), "http"),
+        };
+        let origin = format!("{spoken}://{}", dial.authority());
+        let endpoint = Endpoint::from(uri)
+            .origin(origin.parse().map_err(|_| wrong("is no URL".into()))?)
+            .connect_timeout(CONNECT);
+        let channel = endpoint.connect_with_connector(Dialing(dial)).await.map_err(|e| {
             Error::Unavailable(format!("no server answers at {url}: {}", root_cause(&e)))
         })?;
+        let channel = InterceptedService::new(channel, Showing(credentials.header()?));
         Ok(Self { channel })
     }
 

@@ -1,9 +1,8 @@
 //! Planners' questions to a server over gRPC.
 
 use tonic::Streaming;
-use tonic::transport::Channel;
 
-use super::Client;
+use super::{Authorized, Client};
 use crate::error::Result;
 use crate::service::{
     GridQuestion, GridReply, NearestQuestion, NearestReply, RaysQuestion, RaysReply,
@@ -19,7 +18,7 @@ use crate::wire::{
 };
 
 impl Client {
-    fn planner(&self) -> PlannerClient<Channel> {
+    fn planner(&self) -> PlannerClient<Authorized> {
         PlannerClient::new(self.channel.clone()).max_decoding_message_size(MAX_MESSAGE_BYTES)
     }
 

@@ -1,6 +1,6 @@
 //! Questions to a server, whatever it speaks.
 
-use super::{Client, HttpClient, ZenohClient};
+use super::{Client, Credentials, HttpClient, ZenohClient};
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
 use crate::service::{
@@ -18,18 +18,24 @@ pub enum Questioner {
 
 impl Questioner {
     /// Connects to `grpc://host:port`, or to `http://host:port` in HTTP if that is what answers
-    /// there, else in gRPC, or to `zenoh+tcp://host:port`.
+    /// there, else in gRPC, or to `zenoh+tcp://host:port`. `grpcs://` and `https://` are the same over
+    /// TLS.
     pub async fn connect(url: &str) -> Result<Self> {
+        Self::connect_with(url, &Credentials::default()).await
+    }
+
+    /// The same, with what a server asks for. Over Zenoh that is Zenoh's own matter.
+    pub async fn connect_with(url: &str, credentials: &Credentials) -> Result<Self> {
         if url.starts_with("zenoh+") {
             return ZenohClient::connect(url).await.map(Self::Zenoh);
         }
-        if url.starts_with("http://") {
-            let http = HttpClient::new(url)?;
+        if url.starts_with("http://") || url.starts_with("https://") {
+            let http = HttpClient::with(url, credentials)?;
             if http.is_spoken().await? {
                 return Ok(Self::Http(http));
             }
         }
-        Client::connect(url).await.map(Self::Grpc)
+        Client::connect_with(url, credentials).await.map(Self::Grpc)
     }
 
     /// The answer to a question about points.

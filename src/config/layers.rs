@@ -16,10 +16,21 @@ use crate::error::{Error, Result};
 
 /// How the names of our variables begin.
 const PREFIX: &str = "ORENX_";
-/// Variables of ours that are no settings: what is logged, and where tests find data, text encoders and
-/// tools.
-const OTHERS: [&str; 4] =
-    ["ORENX_LOG", "ORENX_TEST_DATA", "ORENX_TEST_ENCODERS", "ORENX_TEST_TOOLS"];
+/// Variables of ours that are no settings: what is logged, a client's key and whom it trusts, and where
+/// tests find data, text encoders and tools.
+const OTHERS: [&str; 9] = [
+    "ORENX_LOG",
+    "ORENX_API_KEY",
+    "ORENX_API_KEY_FILE",
+    "ORENX_CA",
+    "ORENX_CLIENT_CERT",
+    "ORENX_CLIENT_KEY",
+    "ORENX_TEST_DATA",
+    "ORENX_TEST_ENCODERS",
+    "ORENX_TEST_TOOLS",
+];
+/// The section that may hold keys.
+const SECRETS: &str = "auth";
 
 impl Settings {
     /// The settings of a process: those of `file` over the defaults, `variables` over them (the whole
@@ -57,6 +68,13 @@ impl Settings {
     }
 }
 
+impl Settings {
+    /// As a settings file of them would be. Keys are not shown.
+    pub fn shown(&self) -> Result<String> {
+        toml::to_string(self).map_err(|e| Error::Internal(format!("settings: {e}")))
+    }
+}
+
 impl MapSettings {
     /// These settings with some changed, by their names in `[map]`, each as it would be written in a flag.
     pub fn with(&self, changes: &BTreeMap<String, String>) -> Result<Self> {
@@ -88,8 +106,10 @@ impl Layers {
 
     /// Reads the text alone first, so that a wrong key or value is shown with its line.
     fn put_file(&mut self, text: &str, name: &str) -> Result<()> {
-        toml::from_str::<Settings>(text).map_err(|e| wrong(name, &e))?;
-        for (section, keys) in toml::from_str::<Table>(text).map_err(|e| wrong(name, &e))? {
+        toml::from_str::<Settings>(text).map_err(|e| wrong_in(text, name, &e))?;
+        for (section, keys) in
+            toml::from_str::<Table>(text).map_err(|e| wrong_in(text, name, &e))?
+        {
             match (self.0.get_mut(&section), keys) {
                 (Some(Value::Table(below)), Value::Table(keys)) => below.extend(keys),
                 (_, keys) => {
@@ -159,6 +179,19 @@ fn typed(below: Option<&Value>, text: &str) -> Value {
     }
 }
 
+/// What is wrong in a file, with its line, which is not shown where it may hold a key.
+fn wrong_in(text: &str, source: &str, error: &toml::de::Error) -> Error {
+    let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or(text);
+    let line = before.matches('\n').count() + 1;
+    // The section of that line, itself included.
+    let is_header = |line: &&str| line.trim_start().starts_with('[');
+    let header = text.lines().take(line).filter(is_header).last().unwrap_or_default();
+    match header.trim_start_matches([' ', '\t', '[']).starts_with(SECRETS) {
+        true => Error::invalid(source, format!("line {line}: {}", error.message().trim_end())),
+        false => wrong(source, error),
+    }
+}
+
 fn wrong(source: &str, error: &toml::de::Error) -> Error {
     Error::invalid(source, error.to_string().trim_end())
 }
@@ -191,6 +224,7 @@ mod tests {
     fn every_kind_of_value_comes_from_the_environment() {
         let variables = [
             ("ORENX_SERVER_GRPC", "0.0.0.0:1234"),
+            ("ORENX_SERVER_INSECURE_PUBLIC", "true"),
             ("ORENX_SERVER_MAX_FRAME_AGE_S", "3"),
             ("ORENX_STORAGE_PATH", "2024"),
             ("ORENX_MAP_R0_M", "0.05"),
@@ -198,6 +232,7 @@ mod tests {
             ("ORENX_MAP_PROFILE", "full"),
             ("ORENX_MAP_MODALITIES", "sdf, occupancy"),
             ("ORENX_LOG", "info"),
+            ("ORENX_API_KEY", "a client's"),
             ("ORENX_TEST_DATA", "/data"),
             ("ORENX_TEST_ENCODERS", "/encoders"),
             ("ORENX_TEST_TOOLS", "/bin"),
@@ -236,6 +271,19 @@ mod tests {
         }
     }
 
+    #[test]
+    fn settings_are_shown_as_they_are_written_and_without_keys() {
+        let file = "[[auth.keys]]\nname = \"a\"\nrole = \"read\"\nkey = \"0123456789abcdef\"\n\
+                    [server]\nlanes = 7\n";
+        let settings = layered(file, &[], &["map.steps=3"]).expect("fine");
+        let shown = settings.shown().expect("text");
+        assert!(!shown.contains("0123456789abcdef") && shown.contains("(hidden)"), "{shown}");
+        let mut back = Settings::parse(&shown, "shown").expect("a settings file");
+        assert_eq!((back.server.lanes, back.map.steps), (7, Some(3)));
+        back.auth = settings.auth.clone();
+        assert_eq!(back, settings);
+    }
+
     /// Every key of the default file can be written as a variable and as a flag, and back.
     #[test]
     fn one_rule_fits_every_key() {
@@ -265,7 +313,11 @@ mod tests {
         let cases: [Case; 8] = [
             (&[("ORENX_SERVER_LANE", "3")], &[], ["ORENX_SERVER_LANE:", "unknown field `lane`"]),
             (&[("ORENX_SERVERS_LANES", "3")], &[], ["ORENX_SERVERS_LANES:", "server"]),
-            (&[("ORENX_GRPC", "3")], &[], ["ORENX_GRPC:", "map, ros2, server, storage, zenoh"]),
+            (
+                &[("ORENX_GRPC", "3")],
+                &[],
+                ["ORENX_GRPC:", "map, ros2, server, storage, tls, zenoh"],
+            ),
             (&[("ORENX_SERVER_LANES", "many")], &[], ["ORENX_SERVER_LANES:", "many"]),
             (&[("ORENX_MAP_PROFILE", "huge")], &[], ["ORENX_MAP_PROFILE:", "huge"]),
             (&[], &["server.lane=3"], ["--set server.lane:", "unknown field `lane`"]),

@@ -44,6 +44,8 @@ pub struct Ros2Settings {
     pub image_hz: f64,
     pub text: String,
     pub matches: String,
+    pub esdf: String,
+    pub esdf_voxel_m: f32,
 }
 
 impl Default for Ros2Settings {
@@ -80,6 +82,8 @@ impl Default for Ros2Settings {
             image_hz: 1.0,
             text: "/orenx/text".into(),
             matches: "/orenx/matches".into(),
+            esdf: "/nvblox_node/get_esdf_and_gradient".into(),
+            esdf_voxel_m: 0.05,
         }
     }
 }
@@ -93,7 +97,7 @@ pub enum Bridge {
     Rmw { domain: u32, has_hashes: bool },
 }
 
-/// Topics that go out, at a rate; an empty one does not.
+/// Topics that go out, at a rate, and what is answered; an empty one is not.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ros2Outputs {
     pub grid: Option<String>,
@@ -112,6 +116,10 @@ pub struct Ros2Outputs {
     pub image_interval: Duration,
     /// Where words come in, and what fits them goes out.
     pub text: Option<(String, String)>,
+    /// The service that answers boxes of distances.
+    pub esdf: Option<String>,
+    /// Edge of its voxels, m.
+    pub esdf_voxel_m: f32,
 }
 
 /// Checked settings of ROS 2. Names of topics are checked where keys are made of them.
@@ -218,6 +226,8 @@ fn outputs(s: &Ros2Settings) -> Result<Ros2Outputs> {
         image_depth: some(&s.image_depth),
         image_interval: interval("image_hz", s.image_hz)?,
         text: some(&s.text).zip(some(&s.matches)),
+        esdf: some(&s.esdf),
+        esdf_voxel_m: metres("esdf_voxel_m", s.esdf_voxel_m, 0.001, 1.0)?,
     })
 }
 
@@ -271,7 +281,7 @@ mod tests {
     #[test]
     fn what_is_wrong_is_named() {
         type Spoil = fn(&mut Ros2Settings);
-        let cases: [(&str, Spoil); 8] = [
+        let cases: [(&str, Spoil); 9] = [
             ("ros2.bridge: 'rclcpp'", |s| s.bridge = "rclcpp".into()),
             ("ros2.depth: is required", |s| s.depth = String::new()),
             ("ros2.tolerance_ms: NaN", |s| s.tolerance_ms = f64::NAN),
@@ -279,6 +289,7 @@ mod tests {
             ("ros2.grid_cell_m: 0.001", |s| s.grid_cell_m = 0.001),
             ("ros2.grid_high_m: 0.05", |s| s.grid_high_m = 0.05),
             ("ros2.matches: needs text", |s| s.text = String::new()),
+            ("ros2.esdf_voxel_m: 0 must", |s| s.esdf_voxel_m = 0.0),
             ("ros2.domain: 233", |s| {
                 s.bridge = "rmw-zenoh".into();
                 s.domain = 233;

@@ -2,13 +2,15 @@
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BackendChoice, BusConfig, BusSettings, EncoderSettings, FrameLimits, MapConfig, MapSettings,
-    Ros2Config, Ros2Settings, Schedule,
+    AccessConfig, AuthSettings, BackendChoice, BusConfig, BusSettings, EncoderSettings,
+    FrameLimits, LimitSettings, LogSettings, MapConfig, MapSettings, Ros2Config, Ros2Settings,
+    Schedule, TlsSettings,
 };
 use crate::error::{Error, Result};
 
@@ -20,6 +22,10 @@ pub const DEFAULT_FILE: &str = include_str!("../../deploy/orenx.toml");
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
     pub server: ServerSettings,
+    pub auth: AuthSettings,
+    pub tls: TlsSettings,
+    pub limits: LimitSettings,
+    pub log: LogSettings,
     #[serde(rename = "zenoh")]
     pub bus: BusSettings,
     pub ros2: Ros2Settings,
@@ -35,6 +41,8 @@ pub struct Settings {
 pub struct ServerSettings {
     pub grpc: String,
     pub http: String,
+    pub insecure_public: bool,
+    pub cors_origins: Vec<String>,
     pub query_threads: u32,
     pub max_points: u32,
     pub max_pixels: u32,
@@ -72,6 +80,10 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             server: ServerSettings::default(),
+            auth: AuthSettings::default(),
+            tls: TlsSettings::default(),
+            limits: LimitSettings::default(),
+            log: LogSettings::default(),
             bus: BusSettings::default(),
             ros2: Ros2Settings::default(),
             storage: StorageSettings::default(),
@@ -87,6 +99,8 @@ impl Default for ServerSettings {
         Self {
             grpc: "127.0.0.1:7610".into(),
             http: "127.0.0.1:7611".into(),
+            insecure_public: false,
+            cors_origins: Vec::new(),
             query_threads: 0,
             max_points: 1_000_000,
             max_pixels: 4_000_000,
@@ -113,6 +127,10 @@ pub struct ServerConfig {
     pub grpc: SocketAddr,
     /// `None`: no HTTP.
     pub http: Option<SocketAddr>,
+    /// Who may ask, and how much.
+    pub access: AccessConfig,
+    /// All settings as they were written, for who asks for them.
+    pub written: Arc<Settings>,
     /// At least one.
     pub query_threads: usize,
     pub max_points: usize,
@@ -184,6 +202,13 @@ impl ServerConfig {
                 "" => None,
                 text => Some(address("http", text, 7611)?),
             },
+            access: AccessConfig::new(
+                &settings.auth,
+                &settings.tls,
+                settings.limits,
+                &server.cors_origins,
+            )?,
+            written: Arc::new(settings.clone()),
             query_threads,
             // The reply of the largest question must fit in one message.
             max_points: within("max_points", server.max_points, 1..=2_000_000)?,
@@ -210,6 +235,7 @@ impl ServerConfig {
             ros2: Ros2Config::from_settings(&settings.ros2)?,
         };
         config.check_ros2()?;
+        config.check_ports()?;
         config.encoder.check()?;
         let map = MapConfig::from_settings(&settings.map).map_err(|e| match e {
             Error::InvalidArgument { field, problem } => {
@@ -222,6 +248,15 @@ impl ServerConfig {
 }
 
 impl ServerConfig {
+    /// Nobody gets in from the network who does not say who they are, unless that is wanted.
+    fn check_ports(&self) -> Result<()> {
+        if self.written.server.insecure_public {
+            return Ok(());
+        }
+        self.access.check_port("grpc", self.grpc)?;
+        self.http.map_or(Ok(()), |http| self.access.check_port("http", http))
+    }
+
     fn check_ros2(&self) -> Result<()> {
         if self.ros2.is_some() && self.bus.is_none() {
             let problem = "needs Zenoh: say where the bridge is in zenoh.connect";
@@ -272,7 +307,11 @@ mod tests {
     #[test]
     fn the_compiled_in_file_mentions_every_key_in_its_section() {
         for (section, at_least) in [
-            ("server", 8),
+            ("server", 14),
+            ("auth", 1),
+            ("tls", 3),
+            ("limits", 3),
+            ("log", 3),
             ("zenoh", 10),
             ("ros2", 31),
             ("storage", 1),

@@ -97,7 +97,10 @@ impl Reason {
             Status::NotFound => Self::UnknownMap,
             Status::ResourceExhausted => Self::Exhausted,
             Status::Unavailable => Self::Stopping,
-            Status::FailedPrecondition
+            // Of callers, who never get as far as a verdict.
+            Status::Unauthenticated
+            | Status::PermissionDenied
+            | Status::FailedPrecondition
             | Status::DeadlineExceeded
             | Status::DataLoss
             | Status::Internal => Self::Internal,

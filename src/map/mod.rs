@@ -26,7 +26,7 @@ mod view;
 mod waypoint;
 
 pub use codes::ViewCodesState;
-pub use grid::GridShape;
+pub use grid::{GridShape, Pieces};
 pub use language::{
     FindSettings, Findings, LanguageCounts, Match, OrientedBox, Places, Scorer, Viewpoint,
 };
@@ -37,7 +37,7 @@ pub use mesh::{
 };
 pub use mirror::{Changes, Copied, Copying, Head, Part, Table};
 pub use nearest::{NearestAnswers, nearest_surfaces};
-pub use parallel::{CHUNK_POINTS, PointQuery, query_parallel, query_pool};
+pub use parallel::{CHUNK_POINTS, GridQuery, PointQuery, query_parallel, query_pool};
 pub use paths::{PathPart, PathPlace, PathSettings, PathVerdict, check_paths, looks};
 pub use picture::{Encoding, Output};
 pub use query::{Fields, PointAnswers, State};

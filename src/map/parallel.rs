@@ -6,6 +6,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use super::query::{Fields, PointAnswers};
 use crate::error::{Error, Result};
+use crate::octree::PointGrid;
 
 /// Points answered by one thread at a time: long enough to fill SIMD lanes and hide scheduling,
 /// short enough that a small query is never stuck behind a large one.
@@ -15,6 +16,11 @@ pub const CHUNK_POINTS: usize = 1024;
 pub trait PointQuery: Fn(&[Vec3], Fields) -> PointAnswers + Sync {}
 
 impl<Q: Fn(&[Vec3], Fields) -> PointAnswers + Sync> PointQuery for Q {}
+
+/// Whatever answers regular points like [`super::MapView::query_grid`] does.
+pub trait GridQuery: Fn(&PointGrid<'_>, Fields) -> PointAnswers + Sync {}
+
+impl<Q: Fn(&PointGrid<'_>, Fields) -> PointAnswers + Sync> GridQuery for Q {}
 
 /// A pool for queries, of one thread a core for 0; never rayon's global one, which belongs to
 /// nobody.

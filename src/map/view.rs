@@ -255,10 +255,21 @@ impl Store {
     /// Whether `known`, of the voxel around a point, holds the cell of the point.
     #[inline]
     pub(super) fn holds(&self, known: &Known, point: Vec3) -> bool {
-        let cell = |x: f32| (floor(x / self.cell_m) & (BRICK_CELLS - 1)) as usize;
-        let index = cell(point.x) | cell(point.y) << 3 | cell(point.z) << 6;
-        known[index >> 6] >> (index & 63) & 1 == 1
+        holds_cell(known, point.to_array().map(|x| self.cell_along(x)))
     }
+
+    /// The evidence cell of a coordinate, from the low end of its brick.
+    #[inline]
+    pub(super) fn cell_along(&self, x: f32) -> usize {
+        (floor(x / self.cell_m) & (BRICK_CELLS - 1)) as usize
+    }
+}
+
+/// Whether a cell of a brick is known.
+#[inline]
+pub(super) fn holds_cell(known: &Known, [x, y, z]: [usize; 3]) -> bool {
+    let index = x | y << 3 | z << 6;
+    known[index >> 6] >> (index & 63) & 1 == 1
 }
 
 /// The map at one epoch. Cheap to share (`Arc`); never changes.

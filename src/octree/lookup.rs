@@ -141,18 +141,41 @@ impl<'a, S: NodeSource + ?Sized> Lookup<'a, S> {
     /// A point's cell from the root's low corner, lattice units.
     #[inline]
     fn offset(&self, point: Vec3) -> Option<[u32; 3]> {
-        let min = self.root.min;
-        let at = point / self.unit_m;
-        let low = Vec3::new(min[0] as f32, min[1] as f32, min[2] as f32);
+        let along = |axis| self.offset_along(axis, point[axis]);
+        Some([along(0)?, along(1)?, along(2)?])
+    }
+
+    /// The same along one axis.
+    #[inline]
+    pub(super) fn offset_along(&self, axis: usize, place: f32) -> Option<u32> {
+        let min = self.root.min[axis];
+        let (at, low) = (place / self.unit_m, min as f32);
         let span = (1u64 << self.root.log2_size) as f32;
         // Not a number fails this comparison too.
-        (at.cmpge(low).all() && at.cmplt(low + Vec3::splat(span)).all()).then(|| {
-            [
-                floor(at.x).wrapping_sub(min[0]) as u32,
-                floor(at.y).wrapping_sub(min[1]) as u32,
-                floor(at.z).wrapping_sub(min[2]) as u32,
-            ]
-        })
+        (at >= low && at < low + span).then(|| floor(at).wrapping_sub(min) as u32)
+    }
+
+    pub(super) fn source(&self) -> &'a S {
+        self.source
+    }
+
+    pub(super) fn root(&self) -> Root {
+        self.root
+    }
+
+    /// The world place of a cell's low corner, by its offset from the root's.
+    #[inline]
+    pub(super) fn low_corner(&self, offset: [u32; 3]) -> Vec3 {
+        let low = |axis: usize| {
+            self.root.min[axis].wrapping_add(offset[axis] as i32) as f32 * self.unit_m
+        };
+        Vec3::new(low(0), low(1), low(2))
+    }
+
+    /// The edge length of a voxel, m.
+    #[inline]
+    pub(super) fn size_m(&self, log2_size: u8) -> f32 {
+        (1u64 << log2_size) as f32 * self.unit_m
     }
 
     /// The slow way, for a finest voxel without rows: the last one above it that has some.
@@ -181,14 +204,10 @@ impl<'a, S: NodeSource + ?Sized> Lookup<'a, S> {
     pub fn located(&self, cell: Found, point: Vec3) -> Located {
         let offset = self.offset(point).unwrap_or_default();
         let shift = u32::from(cell.log2_size);
-        let low = |axis: usize| {
-            self.root.min[axis].wrapping_add((offset[axis] >> shift << shift) as i32) as f32
-                * self.unit_m
-        };
         Located {
             node: cell.node,
-            min_m: Vec3::new(low(0), low(1), low(2)),
-            size_m: (1u64 << shift) as f32 * self.unit_m,
+            min_m: self.low_corner(offset.map(|at| at >> shift << shift)),
+            size_m: self.size_m(cell.log2_size),
         }
     }
 }

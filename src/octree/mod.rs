@@ -4,6 +4,7 @@
 //! origin at world zero. Corner and octant order is little-endian: bit 0 = x, bit 1 = y, bit 2 = z.
 
 mod band;
+mod blocks;
 mod key;
 mod lookup;
 #[cfg(test)]
@@ -12,6 +13,7 @@ mod topology;
 mod traverse;
 
 pub use band::{Band, BandPlace, BandScale, NO_BLOCK, NO_VERTEX, Uppers, sum_of_observed};
+pub use blocks::{Block, PointGrid};
 pub use key::{Cell, LIMIT, cell_of, pack};
 pub use lookup::{ChildLink, Found, Located, Lookup, NodeSource, Root, locate};
 pub use topology::{NO_NODE, NO_ROW, Topology, TopologyState};

@@ -31,6 +31,8 @@ pub struct Topology {
     corners: Vec<[u32; 8]>,
     low_corners: Vec<Cell>,
     log2_sizes: Vec<u8>,
+    /// The node whose children stand in a block; [`NO_NODE`] for that of the root.
+    parents: Vec<u32>,
     vertices: Vec<Cell>,
     positions: Vec<Vec3>,
     /// For each vertex and octant around it, the finest voxel that has the vertex as a corner.
@@ -45,8 +47,8 @@ pub struct Topology {
 impl Topology {
     /// What a row takes, bytes: vertex, position, incident nodes and the key's place in the index.
     pub const ROW_BYTES: usize = 12 + 12 + 32 + 16;
-    /// What a node slot takes, bytes: link, corners, low corner, size.
-    pub const NODE_BYTES: usize = 4 + 32 + 12 + 1;
+    /// What a node slot takes, bytes: link, corners, low corner, size, and its share of a parent's link.
+    pub const NODE_BYTES: usize = 4 + 32 + 12 + 1 + 1;
 
     /// An empty tree with `unit_m` metres a lattice unit, rows at the corners of voxels of up to
     /// 2^`coarsest_log2` units, and as many rows as can be named.
@@ -61,6 +63,7 @@ impl Topology {
             corners: Vec::new(),
             low_corners: Vec::new(),
             log2_sizes: Vec::new(),
+            parents: Vec::new(),
             vertices: Vec::new(),
             positions: Vec::new(),
             incident: Vec::new(),
@@ -107,6 +110,11 @@ impl Topology {
         self.low_corners = state.low_corners.into_owned();
         self.log2_sizes = state.log2_sizes.into_owned();
         self.vertices = state.vertices.into_owned();
+        self.parents = vec![NO_NODE; slots.div_ceil(8)];
+        for (node, link) in self.children.iter().enumerate().filter(|(_, link)| **link & 0xff != 0)
+        {
+            self.parents[(link >> 8) as usize] = node as u32;
+        }
         let keys = self.vertices.iter().enumerate();
         self.row_of = keys.map(|(row, &v)| (pack(v), row as u32)).collect();
         self.positions = self.vertices.iter().map(|&v| lattice_point(v) * self.unit_m).collect();
@@ -270,6 +278,24 @@ impl Topology {
         &self.incident[row as usize]
     }
 
+    /// The corner rows of the voxels that speak for the space around a vertex and have it as a corner:
+    /// in each octant the finest one, and those above it that their children do not fill. Without the
+    /// latter nothing would lead from a voxel that is half refined to the corners of its other half.
+    pub fn around(&self, row: u32) -> impl Iterator<Item = &[u32; 8]> {
+        let octants = self.incident(row).iter().enumerate();
+        octants.filter(|(_, node)| **node != NO_NODE).flat_map(move |(slot, &finest)| {
+            let corner = 7 ^ slot as u32;
+            // A child at the corner shares the vertex there with its parent.
+            let above = move |&node: &u32| {
+                let parent = (node & 7 == corner).then(|| self.parents[node as usize / 8]);
+                parent.filter(|p| *p != NO_NODE && self.log2_size(*p) <= self.coarsest_log2)
+            };
+            std::iter::successors(Some(finest), above)
+                .filter(move |&node| node == finest || self.owns_space(node))
+                .map(|node| &self.corners[node as usize])
+        })
+    }
+
     /// The number of vertex rows.
     pub fn rows(&self) -> usize {
         self.vertices.len()
@@ -321,9 +347,12 @@ impl Topology {
                     octant |= 1 << axis;
                 }
             }
-            let block = self.allocate_block();
+            let block = self.allocate_block(0);
             let moved = (block * 8 + octant) as usize;
             self.children[moved] = self.children[0];
+            if self.children[0] & 0xff != 0 {
+                self.parents[(self.children[0] >> 8) as usize] = moved as u32;
+            }
             self.low_corners[moved] = root.min;
             self.log2_sizes[moved] = root.log2_size;
             self.children[0] = block << 8 | 1 << octant;
@@ -342,7 +371,7 @@ impl Topology {
         while (1u64 << log2_size) as f32 * self.unit_m < FIRST_ROOT_M * 0.999 {
             log2_size += 1;
         }
-        self.allocate_block();
+        self.allocate_block(NO_NODE);
         let root = Root { node: 0, min: [-(1 << (log2_size - 1)); 3], log2_size };
         self.low_corners[0] = root.min;
         self.log2_sizes[0] = log2_size;
@@ -352,8 +381,9 @@ impl Topology {
         root
     }
 
-    fn allocate_block(&mut self) -> u32 {
+    fn allocate_block(&mut self, parent: u32) -> u32 {
         let first = self.children.len();
+        self.parents.push(parent);
         self.children.resize(first + 8, 0);
         self.corners.resize(first + 8, [NO_ROW; 8]);
         self.low_corners.resize(first + 8, [0; 3]);
@@ -368,7 +398,7 @@ impl Topology {
             self.refused += 1;
             return None;
         }
-        let block = if link == 0 { self.allocate_block() } else { link >> 8 };
+        let block = if link == 0 { self.allocate_block(parent) } else { link >> 8 };
         self.children[parent as usize] = block << 8 | (link & 0xff) | 1 << octant;
         let node = block * 8 + octant;
         let log2 = self.log2_sizes[parent as usize] - 1;

@@ -10,31 +10,7 @@ use tonic::codegen::http::{HeaderMap, Request, Response};
 use tower_layer::Layer;
 use tower_service::Service;
 
-/// Every call of ours; the last counter is for all others.
-const CALLS: [&str; 22] = [
-    "/orenx.v1.Ingest/StreamFrames",
-    "/orenx.v1.Query/QueryPoints",
-    "/orenx.v1.Query/StreamQuery",
-    "/orenx.v1.Render/Render",
-    "/orenx.v1.Render/RenderStream",
-    "/orenx.v1.Language/QueryText",
-    "/orenx.v1.Language/QueryEmbedding",
-    "/orenx.v1.Language/Classify",
-    "/orenx.v1.Language/ListEncoders",
-    "/orenx.v1.Planner/QuerySpheres",
-    "/orenx.v1.Planner/CheckTrajectories",
-    "/orenx.v1.Planner/CastRays",
-    "/orenx.v1.Planner/GetGrid",
-    "/orenx.v1.Planner/GetSlice",
-    "/orenx.v1.Planner/FindNearest",
-    "/orenx.v1.Planner/WatchRegion",
-    "/orenx.v1.Planner/WatchTrajectory",
-    "/orenx.v1.Mirror/Subscribe",
-    "/orenx.v1.Maps/ListMaps",
-    "/orenx.v1.Maps/GetMap",
-    "/orenx.v1.Maps/GetMapStats",
-    "/orenx.v1.Maps/ResetMap",
-];
+use super::access::{RULES, place};
 
 /// The codes of gRPC, by number.
 pub(super) const CODES: [&str; 17] = [
@@ -60,14 +36,20 @@ pub(super) const CODES: [&str; 17] = [
 const CANCELLED: usize = 1;
 const UNKNOWN: usize = 2;
 
-/// The counters of one port.
-#[derive(Debug, Default)]
-pub(super) struct Calls([[AtomicU64; CODES.len()]; CALLS.len() + 1]);
+/// The counters of one port: those of each row of the table of calls, and, at the end, of all others.
+#[derive(Debug)]
+pub(super) struct Calls([[AtomicU64; CODES.len()]; RULES.len() + 1]);
+
+impl Default for Calls {
+    fn default() -> Self {
+        Self(std::array::from_fn(|_| Default::default()))
+    }
+}
 
 impl Calls {
     /// Every call with its code and how often it was so, if ever.
     pub(super) fn read(&self) -> Vec<(&'static str, &'static str, u64)> {
-        let names = CALLS.iter().map(|path| path.trim_start_matches('/')).chain(["other"]);
+        let names = RULES.iter().map(|rule| rule.path.trim_start_matches('/')).chain(["other"]);
         let rows = names.zip(&self.0).flat_map(|(name, counts)| {
             CODES.iter().zip(counts).map(move |(code, count)| (name, *code, count.load(Relaxed)))
         });
@@ -108,8 +90,8 @@ where
     }
 
     fn call(&mut self, request: Request<Q>) -> Self::Future {
-        let path = request.uri().path();
-        let call = CALLS.iter().position(|known| *known == path).unwrap_or(CALLS.len());
+        let row = place(request.method().as_str(), request.uri().path());
+        let call = row.unwrap_or(RULES.len());
         let mut count = Count { calls: self.calls.clone(), call, is_counted: false };
         let answer = self.inner.call(request);
         Box::pin(async move {

@@ -1,17 +1,26 @@
 //! Answers: the server's edges.
 
+mod access;
+mod admin;
 mod calls;
+mod connection;
 mod deadline;
+mod entrance;
 mod grpc;
 mod http;
+mod incoming;
 mod listeners;
 mod mirror;
 mod planner;
+mod request_id;
 mod ros2;
 mod run;
 mod stream;
+mod tls;
+mod watch;
 mod zenoh;
 
+pub use entrance::check_files;
 pub use http::Door;
 pub(crate) use http::Found;
 pub use listeners::Listeners;

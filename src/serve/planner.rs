@@ -6,15 +6,15 @@ use tonic::{Request, Response, Status};
 
 use super::grpc::Edge;
 use super::stream::Answers;
-use crate::error::Error;
+use super::watch::Watch;
 use crate::service::{
-    Call, GridQuestion, NearestQuestion, RaysQuestion, RegionQuestion, RegionWatch, SliceQuestion,
-    SpheresQuestion, TrajectoriesQuestion, TrajectoryWatch, WatchedTrajectories,
+    Call, GridQuestion, NearestQuestion, RaysQuestion, RegionQuestion, SliceQuestion,
+    SpheresQuestion, TrajectoriesQuestion, WatchedTrajectories,
 };
 use crate::wire::v1::planner_server::Planner;
 use crate::wire::{
-    Ending, grid_reply_to_wire, nearest_reply_to_wire, rays_reply_to_wire, region_change_to_wire,
-    slice_reply_to_wire, spheres_reply_to_wire, status_from_error, trajectories_reply_to_wire, v1,
+    Ending, grid_reply_to_wire, nearest_reply_to_wire, rays_reply_to_wire, slice_reply_to_wire,
+    spheres_reply_to_wire, status_from_error, trajectories_reply_to_wire, v1,
 };
 
 #[tonic::async_trait]
@@ -115,32 +115,6 @@ impl Planner for Edge {
             .and_then(|watched| self.service.watch_trajectories(watched))
             .map_err(|e| status_from_error(&e))?;
         Ok(Response::new(follow(watch, ending)))
-    }
-}
-
-/// What has news.
-trait Watch: Send + 'static {
-    type News: Send + 'static;
-
-    /// The next news; `None` after the last.
-    fn news(&mut self) -> impl Future<Output = Result<Option<Self::News>, Error>> + Send;
-}
-
-impl Watch for RegionWatch {
-    type News = v1::WatchRegionReply;
-
-    async fn news(&mut self) -> Result<Option<v1::WatchRegionReply>, Error> {
-        let change = self.next().await?;
-        Ok(change.map(|change| region_change_to_wire(&self.shape(), change)))
-    }
-}
-
-impl Watch for TrajectoryWatch {
-    type News = v1::WatchTrajectoryReply;
-
-    async fn news(&mut self) -> Result<Option<v1::WatchTrajectoryReply>, Error> {
-        let result = self.next().await?.map(trajectories_reply_to_wire);
-        Ok(result.map(|result| v1::WatchTrajectoryReply { result: Some(result) }))
     }
 }
 

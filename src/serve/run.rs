@@ -3,24 +3,28 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinHandle;
 use tonic::server::NamedService;
 use tonic::transport::Server;
-use tonic::transport::server::TcpIncoming;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
+use super::access::{Admission, Transport};
+use super::admin::Desk;
 use super::calls::{Calls, Counting};
 use super::deadline::Deadlines;
+use super::entrance::keep_fresh;
 use super::grpc::Edge;
 use super::http::Door;
+use super::incoming::Incoming;
 use super::listeners::Listeners;
+use super::request_id::Naming;
 use super::zenoh::{self, Tally};
 use crate::error::{Error, Result};
 use crate::ingest::IngestService;
 use crate::service::Service;
+use crate::wire::v1::admin_server::AdminServer;
 use crate::wire::v1::ingest_server::IngestServer;
 use crate::wire::v1::language_server::LanguageServer;
 use crate::wire::v1::maps_server::MapsServer;
@@ -49,7 +53,7 @@ pub async fn run(
     service: Arc<Service>,
     shutdown: impl Future<Output = ()>,
 ) -> Result<()> {
-    let Listeners { grpc: listener, http, bus, ros2 } = listeners.into();
+    let Listeners { grpc: listener, http, bus, ros2, written, entrance } = listeners.into();
     let (close, closing) = watch::channel(false);
     let (health, health_service) = tonic_health::server::health_reporter();
     set_health(&health, ServingStatus::Serving).await;
@@ -75,7 +79,8 @@ pub async fn run(
     let zenoh = bus.map(|joining| {
         tokio::spawn(zenoh::serve(joining, ros2, service.clone(), tally, closing.clone()))
     });
-    let beside = Beside { http, zenoh };
+    let fresh = tokio::spawn(keep_fresh(entrance.clone(), closing.clone()));
+    let beside = Beside { http, zenoh, fresh };
     let mut told = closing;
     let serving = Server::builder()
         .initial_stream_window_size(STREAM_WINDOW_BYTES)
@@ -83,8 +88,10 @@ pub async fn run(
         .concurrency_limit_per_connection(CONNECTION_REQUESTS as usize)
         .max_concurrent_streams(CONNECTION_REQUESTS)
         .http2_keepalive_interval(Some(KEEPALIVE))
+        .layer(Naming::new(Transport::Grpc))
         .layer(Counting(calls))
         .layer(Deadlines)
+        .layer(Admission(entrance.gate.clone()))
         .add_service(health_service)
         .add_service(reflection().build_v1().map_err(reflection_error)?)
         .add_service(reflection().build_v1alpha().map_err(reflection_error)?)
@@ -93,9 +100,10 @@ pub async fn run(
         .add_service(render)
         .add_service(language)
         .add_service(planner)
+        .add_service(AdminServer::new(Desk(written)))
         .add_service(MirrorServer::new(edge.clone()))
         .add_service(MapsServer::new(edge))
-        .serve_with_incoming_shutdown(at_once(listener), async move {
+        .serve_with_incoming_shutdown(Incoming::new(listener, entrance), async move {
             // An error means that `run` is gone, and everything with it.
             let _ = told.wait_for(|closing| *closing).await;
         });
@@ -123,6 +131,8 @@ struct Beside {
     http: Option<Door>,
     /// Ends by itself when the server closes.
     zenoh: Option<JoinHandle<()>>,
+    /// Reads keys and certificates again.
+    fresh: JoinHandle<()>,
 }
 
 impl Beside {
@@ -138,6 +148,7 @@ impl Beside {
 
     /// Waits until nothing is served any more. HTTP goes last: it tells those who ask.
     async fn close(self) {
+        self.fresh.abort();
         if let Some(zenoh) = self.zenoh
             && tokio::time::timeout(DRAIN, zenoh).await.is_err()
         {
@@ -149,16 +160,11 @@ impl Beside {
     }
 }
 
-/// Connections whose small messages go out at once: without it an answer waits 40 ms for the
-/// acknowledgement of the last one. The builder's own option is for connections that it accepts itself.
-fn at_once(listener: TcpListener) -> TcpIncoming {
-    TcpIncoming::from(listener).with_nodelay(Some(true))
-}
-
 async fn set_health(health: &HealthReporter, status: ServingStatus) {
     // The empty name stands for the server as a whole.
     for name in [
         "",
+        <AdminServer<Desk> as NamedService>::NAME,
         <IngestServer<IngestService> as NamedService>::NAME,
         <LanguageServer<Edge> as NamedService>::NAME,
         <MapsServer<Edge> as NamedService>::NAME,
@@ -184,22 +190,4 @@ fn reflection_error(error: tonic_reflection::server::Error) -> Error {
 
 fn transport_error(error: tonic::transport::Error) -> Error {
     Error::Internal(format!("gRPC: {error}"))
-}
-
-#[cfg(test)]
-mod tests {
-    use tokio::net::TcpStream;
-    use tokio_stream::StreamExt;
-
-    use super::*;
-
-    #[tokio::test]
-    async fn small_answers_are_not_held_back() {
-        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
-        let address = listener.local_addr().expect("an address");
-        let mut incoming = at_once(listener);
-        let _client = TcpStream::connect(address).await.expect("a connection");
-        let accepted = incoming.next().await.expect("one").expect("a good one");
-        assert!(accepted.nodelay().expect("an option of the socket"));
-    }
 }

@@ -1,9 +1,9 @@
 //! Any fields in the voxels of a box.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
-use glam::Vec3;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 
@@ -14,7 +14,8 @@ use super::terms::{Answered, Terms, check_within};
 use super::{Call, Service};
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, MAX_COORDINATE_M};
-use crate::map::{Fields, GridShape, MapView, PointAnswers};
+use crate::map::{Fields, GridShape, MapView, Pieces, PointAnswers};
+use crate::octree::PointGrid;
 
 /// Voxels of a grid at most, and bytes of its columns: so that it fits into a message.
 pub const MAX_VOXELS: u64 = 1 << 23;
@@ -127,16 +128,20 @@ impl Service {
         let started = Instant::now();
         self.map(&question.terms.map_id)?;
         let shape = question.shape()?;
-        let GridQuestion { terms, fields, format, .. } = question;
-        let task = |view: Arc<MapView>| {
-            Ok(GridTask { fill: terms.fill(&view), view, shape, fields, format })
-        };
-        let reply = self.work(started, &terms, call, task).await?;
-        Ok(reply.map(|columns| Grid { shape, format, columns }))
+        let task = |view: Arc<MapView>| Ok(question.task(view, shape));
+        self.work(started, &question.terms, call, task).await
     }
 }
 
-struct GridTask {
+impl GridQuestion {
+    /// Of its checked voxels.
+    pub(super) fn task(&self, view: Arc<MapView>, shape: GridShape) -> GridTask {
+        let (fields, format) = (self.fields, self.format);
+        GridTask { fill: self.terms.fill(&view), view, shape, fields, format }
+    }
+}
+
+pub(super) struct GridTask {
     view: Arc<MapView>,
     shape: GridShape,
     fields: Fields,
@@ -144,20 +149,26 @@ struct GridTask {
     format: NumberFormat,
 }
 
+impl GridTask {
+    fn pieces(&self) -> Pieces {
+        Pieces::new(self.shape.size, CHUNK as u32)
+    }
+}
+
 impl Task for GridTask {
     type Part = GridColumns;
-    type Answer = GridColumns;
+    type Answer = Grid;
 
     fn size(&self) -> usize {
         self.shape.voxels() as usize
     }
 
     fn chunks(&self) -> usize {
-        self.size().div_ceil(CHUNK).max(1)
+        self.pieces().count()
     }
 
     fn part(&self, chunk: usize, _is_left: &(dyn Fn() -> bool + Sync)) -> Result<GridColumns> {
-        let voxels = chunk * CHUNK..self.size().min((chunk + 1) * CHUNK);
+        let voxels = self.pieces().voxels(chunk);
         let mut answers = query_voxels(&self.view, &self.shape, voxels, self.fields);
         if let Some(fill) = self.fill {
             fill.apply(&mut answers);
@@ -172,17 +183,18 @@ impl Task for GridTask {
         })
     }
 
-    fn whole(&self, parts: Vec<GridColumns>) -> GridColumns {
+    fn whole(&self, parts: Vec<GridColumns>) -> Grid {
         let column = |of: fn(&GridColumns) -> &Vec<u8>| {
             parts.iter().map(|part| of(part).as_slice()).collect::<Vec<_>>().concat()
         };
-        GridColumns {
+        let columns = GridColumns {
             distance: column(|p| &p.distance),
             gradient: column(|p| &p.gradient),
             occupancy: column(|p| &p.occupancy),
             color: column(|p| &p.color),
             state: column(|p| &p.state),
-        }
+        };
+        Grid { shape: self.shape, format: self.format, columns }
     }
 }
 
@@ -190,11 +202,11 @@ impl Task for GridTask {
 pub(super) fn query_voxels(
     view: &MapView,
     shape: &GridShape,
-    voxels: std::ops::Range<usize>,
+    [x, y, z]: [Range<u32>; 3],
     fields: Fields,
 ) -> PointAnswers {
-    let centers: Vec<Vec3> = voxels.map(|index| shape.center_at(index)).collect();
-    view.query(&centers, fields)
+    let axes = [(0, x), (1, y), (2, z)].map(|(axis, of)| shape.centers_along(axis, of));
+    view.query_grid(&PointGrid { axes: axes.each_ref().map(Vec::as_slice) }, fields)
 }
 
 impl NumberFormat {
@@ -212,6 +224,8 @@ impl NumberFormat {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
 
     fn question(max: Vec3, voxel_m: f32) -> GridQuestion {

@@ -32,7 +32,7 @@ pub type NearestReply = Answered<NearestAnswers>;
 
 impl NearestQuestion {
     /// Refuses what no map could answer.
-    fn check(&self, max_points: usize) -> Result<()> {
+    pub(super) fn check(&self, max_points: usize) -> Result<()> {
         self.terms.check()?;
         if self.terms.unknown.policy != UnknownPolicy::Report {
             return Err(Error::invalid("unknown_policy", "what is unknown has no surface"));
@@ -63,13 +63,19 @@ impl Service {
         let started = Instant::now();
         self.map(&question.terms.map_id)?;
         question.check(self.max_points)?;
-        let NearestQuestion { terms, points, max_unknown_m } = question;
-        let task = |view| Ok(NearestTask { view, points, max_unknown_m });
-        self.work(started, &terms, call, task).await
+        let terms = question.terms.clone();
+        self.work(started, &terms, call, |view| Ok(question.task(view))).await
     }
 }
 
-struct NearestTask {
+impl NearestQuestion {
+    pub(super) fn task(self, view: Arc<MapView>) -> NearestTask {
+        let Self { points, max_unknown_m, .. } = self;
+        NearestTask { view, points, max_unknown_m }
+    }
+}
+
+pub(super) struct NearestTask {
     view: Arc<MapView>,
     points: Vec<Vec3>,
     max_unknown_m: f32,

@@ -39,7 +39,7 @@ pub fn vectors_of(field: &str, numbers: &[f32]) -> Result<Vec<Vec3>> {
 
 impl RaysQuestion {
     /// The rays, if a map could answer them.
-    fn rays(&self, max_points: usize) -> Result<Vec<Ray>> {
+    pub(super) fn rays(&self, max_points: usize) -> Result<Vec<Ray>> {
         self.terms.check()?;
         if self.terms.unknown.distance_m.is_some() {
             return Err(Error::invalid("unknown_distance_m", "rays end or pass, at no distance"));
@@ -79,18 +79,24 @@ impl Service {
         let started = Instant::now();
         self.map(&question.terms.map_id)?;
         let rays = question.rays(self.max_points)?;
-        let range_m = question.max_range_m;
-        let unseen = match question.terms.unknown.policy {
-            UnknownPolicy::Report => Unseen::Ends,
-            UnknownPolicy::Free => Unseen::Passed,
-            UnknownPolicy::Occupied => Unseen::Hit,
-        };
-        let task = |view| Ok(RaysTask { view, rays, range_m, unseen });
+        let task = |view| Ok(question.task(view, rays));
         self.work(started, &question.terms, call, task).await
     }
 }
 
-struct RaysTask {
+impl RaysQuestion {
+    /// Of its checked rays.
+    pub(super) fn task(&self, view: Arc<MapView>, rays: Vec<Ray>) -> RaysTask {
+        let unseen = match self.terms.unknown.policy {
+            UnknownPolicy::Report => Unseen::Ends,
+            UnknownPolicy::Free => Unseen::Passed,
+            UnknownPolicy::Occupied => Unseen::Hit,
+        };
+        RaysTask { view, rays, range_m: self.max_range_m, unseen }
+    }
+}
+
+pub(super) struct RaysTask {
     view: Arc<MapView>,
     rays: Vec<Ray>,
     range_m: f32,

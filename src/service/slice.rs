@@ -12,6 +12,7 @@ use super::{Call, Service};
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, MAX_COORDINATE_M};
 use crate::map::{Costs, Fields, LevelShape, MapView};
+use crate::octree::PointGrid;
 
 /// Heights of a band at most.
 const MAX_HEIGHTS: u32 = 256;
@@ -48,7 +49,7 @@ pub type SliceReply = Answered<Level>;
 
 impl SliceQuestion {
     /// Refuses what no map could answer.
-    fn check(&self) -> Result<()> {
+    pub(super) fn check(&self) -> Result<()> {
         self.terms.check()?;
         let far = MAX_COORDINATE_M as f32;
         check_within("z_m", self.z_m, -far, far)?;
@@ -111,26 +112,24 @@ impl Service {
         let started = Instant::now();
         self.map(&question.terms.map_id)?;
         question.check()?;
-        let task = |view: Arc<MapView>| {
-            let shape = question.shape(view.bounds(), self.max_points)?;
-            let unknown_m = question.terms.fill(&view).map(|fill| fill.distance_m);
-            Ok(SliceTask { view, shape, unknown_m, costs: question.costs })
-        };
+        let task = |view: Arc<MapView>| question.task(view, self.max_points);
         self.work(started, &question.terms, call, task).await
     }
 }
 
-struct SliceTask {
+impl SliceQuestion {
+    pub(super) fn task(&self, view: Arc<MapView>, max_points: usize) -> Result<SliceTask> {
+        let shape = self.shape(view.bounds(), max_points)?;
+        let unknown_m = self.terms.fill(&view).map(|fill| fill.distance_m);
+        Ok(SliceTask { view, shape, unknown_m, costs: self.costs })
+    }
+}
+
+pub(super) struct SliceTask {
     view: Arc<MapView>,
     shape: LevelShape,
     unknown_m: Option<f32>,
     costs: Option<Costs>,
-}
-
-impl SliceTask {
-    fn cells_of_chunk(&self) -> usize {
-        (CHUNK / self.shape.heights.len().max(1)).max(1)
-    }
 }
 
 impl Task for SliceTask {
@@ -142,13 +141,12 @@ impl Task for SliceTask {
     }
 
     fn chunks(&self) -> usize {
-        self.shape.cells().div_ceil(self.cells_of_chunk()).max(1)
+        self.shape.pieces(CHUNK).count()
     }
 
     fn part(&self, chunk: usize, _is_left: &(dyn Fn() -> bool + Sync)) -> Result<Vec<f32>> {
-        let size = self.cells_of_chunk();
-        let cells = chunk * size..self.shape.cells().min((chunk + 1) * size);
-        let query = |points: &[_], fields: Fields| self.view.query(points, fields);
+        let query = |grid: &PointGrid<'_>, fields: Fields| self.view.query_grid(grid, fields);
+        let cells = self.shape.pieces(CHUNK).voxels(chunk);
         Ok(self.shape.distances(&query, cells, self.unknown_m))
     }
 

@@ -60,21 +60,30 @@ impl Service {
         call: Call,
     ) -> Result<SpheresReply> {
         let started = Instant::now();
-        let SpheresQuestion { terms, spheres, fields } = question;
-        self.map(&terms.map_id)?;
-        terms.check()?;
-        check_fields(fields)?;
-        let count = spheres.len();
-        check_count("spheres_m", &format!("{count} spheres"), count as u64, self.max_points)?;
-        check_spheres(&spheres)?;
-        self.work(started, &terms, call, |view| {
-            Ok(SpheresTask { fill: terms.fill(&view), view, spheres, fields })
-        })
-        .await
+        self.map(&question.terms.map_id)?;
+        question.check(self.max_points)?;
+        let terms = question.terms.clone();
+        self.work(started, &terms, call, |view| Ok(question.task(view))).await
     }
 }
 
-struct SpheresTask {
+impl SpheresQuestion {
+    /// Refuses what no map could answer.
+    pub(super) fn check(&self, max_points: usize) -> Result<()> {
+        self.terms.check()?;
+        check_fields(self.fields)?;
+        let count = self.spheres.len();
+        check_count("spheres_m", &format!("{count} spheres"), count as u64, max_points)?;
+        check_spheres(&self.spheres)
+    }
+
+    pub(super) fn task(self, view: Arc<MapView>) -> SpheresTask {
+        let Self { terms, spheres, fields } = self;
+        SpheresTask { fill: terms.fill(&view), view, spheres, fields }
+    }
+}
+
+pub(super) struct SpheresTask {
     view: Arc<MapView>,
     spheres: Vec<Sphere>,
     fields: Fields,

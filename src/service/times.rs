@@ -47,10 +47,11 @@ pub enum Call {
     Ros2Cloud,
     Ros2Render,
     Ros2Text,
+    Ros2Esdf,
 }
 
 impl Call {
-    pub const ALL: [Self; 39] = [
+    pub const ALL: [Self; 40] = [
         Self::GrpcQueryPoints,
         Self::GrpcStreamQuery,
         Self::GrpcRender,
@@ -90,6 +91,7 @@ impl Call {
         Self::Ros2Cloud,
         Self::Ros2Render,
         Self::Ros2Text,
+        Self::Ros2Esdf,
     ];
 
     /// The names of the transport and of the verb.
@@ -134,6 +136,7 @@ impl Call {
             Self::Ros2Cloud => ("ros2", "cloud"),
             Self::Ros2Render => ("ros2", "render"),
             Self::Ros2Text => ("ros2", "query_text"),
+            Self::Ros2Esdf => ("ros2", "esdf"),
         }
     }
 }

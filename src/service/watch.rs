@@ -4,10 +4,10 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use glam::{UVec3, Vec3};
+use glam::UVec3;
 use tokio::sync::OwnedSemaphorePermit;
 
-use super::grid::grid_shape;
+use super::grid::{grid_shape, query_voxels};
 use super::tasks::Task;
 use super::terms::{Answered, Terms, check_within};
 use super::trajectories::{TrajectoriesQuestion, TrajectoriesReply, TrajectoriesTask};
@@ -69,6 +69,8 @@ pub struct RegionWatch {
     due: tokio::time::Instant,
     /// What was sent; unknown at first.
     sent: PointAnswers,
+    /// How many replies there were.
+    told: u64,
     _place: OwnedSemaphorePermit,
 }
 
@@ -86,8 +88,9 @@ pub struct TrajectoryWatch {
     check: Arc<TrajectoriesQuestion>,
     drop_m: f32,
     epoch: Option<u64>,
-    /// The last event.
-    told: Option<Vec<PathVerdict>>,
+    /// The last event, and how many there were.
+    last: Option<Vec<PathVerdict>>,
+    told: u64,
     _place: OwnedSemaphorePermit,
 }
 
@@ -105,7 +108,6 @@ impl Service {
             let problem = format!("must be within 0..={} ms", MAX_INTERVAL.as_millis());
             return Err(Error::invalid("min_interval_ms", problem));
         }
-        let voxels = brick_count(&shape) * BRICK_VOXELS;
         Ok(RegionWatch {
             _place: self.watch_place()?,
             service: self.clone(),
@@ -113,11 +115,8 @@ impl Service {
             shape,
             epoch: None,
             due: tokio::time::Instant::now(),
-            sent: PointAnswers {
-                distance: vec![f32::NAN; voxels],
-                state: vec![State::Unknown as u8; voxels],
-                ..PointAnswers::default()
-            },
+            sent: unknown(brick_count(&shape)),
+            told: 0,
         })
     }
 
@@ -136,7 +135,8 @@ impl Service {
             check: Arc::new(check),
             drop_m,
             epoch: None,
-            told: None,
+            last: None,
+            told: 0,
         })
     }
 
@@ -163,6 +163,11 @@ impl RegionWatch {
         self.shape
     }
 
+    /// How many replies there were.
+    pub fn told(&self) -> u64 {
+        self.told
+    }
+
     /// The bricks that changed; at first those with anything known. `None` once the map has ended.
     pub async fn next(&mut self) -> Result<Option<RegionChange>> {
         loop {
@@ -185,6 +190,7 @@ impl RegionWatch {
                 let interval = self.question.min_interval;
                 let interval = if interval.is_zero() { INTERVAL } else { interval };
                 self.due = tokio::time::Instant::now() + interval;
+                self.told += 1;
                 let bricks = bricks.into_iter().map(|(_, brick)| brick).collect();
                 return Ok(Some(looked.map(|_| bricks)));
             }
@@ -193,6 +199,11 @@ impl RegionWatch {
 }
 
 impl TrajectoryWatch {
+    /// How many events there were.
+    pub fn told(&self) -> u64 {
+        self.told
+    }
+
     /// What the newest epoch says, if it differs enough from the last event. `None` once the map has
     /// ended.
     pub async fn next(&mut self) -> Result<Option<TrajectoriesReply>> {
@@ -208,8 +219,9 @@ impl TrajectoryWatch {
             let is_event = |told: &Vec<PathVerdict>| {
                 told.iter().zip(&looked.answer).any(|(was, is)| is_news(was, is, self.drop_m))
             };
-            if self.told.as_ref().is_none_or(is_event) {
-                self.told = Some(looked.answer.clone());
+            if self.last.as_ref().is_none_or(is_event) {
+                self.last = Some(looked.answer.clone());
+                self.told += 1;
                 return Ok(Some(looked));
             }
         }
@@ -258,6 +270,16 @@ fn changed(
     (0..brick_count(shape)).filter_map(brick).collect()
 }
 
+/// Bricks of which nothing is known.
+fn unknown(bricks: usize) -> PointAnswers {
+    let voxels = bricks * BRICK_VOXELS;
+    PointAnswers {
+        distance: vec![f32::NAN; voxels],
+        state: vec![State::Unknown as u8; voxels],
+        ..PointAnswers::default()
+    }
+}
+
 /// A box, brick by brick.
 struct RegionTask {
     view: Arc<MapView>,
@@ -278,18 +300,23 @@ impl Task for RegionTask {
 
     fn part(&self, chunk: usize, _is_left: &(dyn Fn() -> bool + Sync)) -> Result<PointAnswers> {
         let bricks = chunk * BRICKS..brick_count(&self.shape).min((chunk + 1) * BRICKS);
-        let center = |brick: usize, voxel: usize| {
-            let voxel = voxel as u32;
-            let in_brick = UVec3::new(voxel % SIDE, voxel / SIDE % SIDE, voxel / (SIDE * SIDE));
-            let at = brick_at(&self.shape, brick) * SIDE + in_brick;
-            // Nothing is known of what is no place.
-            if at.cmplt(self.shape.size).all() { self.shape.center(at) } else { Vec3::NAN }
-        };
-        let centers: Vec<Vec3> = bricks
-            .flat_map(|b| (0..BRICK_VOXELS).map(move |v| (b, v)))
-            .map(|(b, v)| center(b, v))
-            .collect();
-        Ok(self.view.query(&centers, Fields { state: true, ..Fields::DISTANCE }))
+        let mut answers = unknown(bricks.len());
+        for (place, brick) in bricks.enumerate() {
+            let low = brick_at(&self.shape, brick) * SIDE;
+            let high = (low + SIDE).min(self.shape.size);
+            let voxels = [low.x..high.x, low.y..high.y, low.z..high.z];
+            let fields = Fields { state: true, ..Fields::DISTANCE };
+            let found = query_voxels(&self.view, &self.shape, voxels, fields);
+            // Nothing is known of what is beyond the box.
+            let rows = (high - low).x as usize;
+            for (row, at) in (0..found.state.len()).step_by(rows).enumerate() {
+                let (y, z) = (row as u32 % (high - low).y, row as u32 / (high - low).y);
+                let to = place * BRICK_VOXELS + ((z * SIDE + y) * SIDE) as usize;
+                answers.distance[to..to + rows].copy_from_slice(&found.distance[at..at + rows]);
+                answers.state[to..to + rows].copy_from_slice(&found.state[at..at + rows]);
+            }
+        }
+        Ok(answers)
     }
 
     fn whole(&self, parts: Vec<PointAnswers>) -> PointAnswers {
@@ -299,6 +326,8 @@ impl Task for RegionTask {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
 
     #[test]

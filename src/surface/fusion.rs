@@ -1,6 +1,8 @@
 //! One frame into surfels, evidence, voxels and prior: everything that needs no training.
 
 mod stored;
+#[cfg(test)]
+mod tests;
 
 use glam::Vec3;
 use rayon::prelude::*;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::evidence::Evidence;
 use super::surfel::{NO_SURFEL, SurfelMap};
-use crate::octree::{Explicit, NO_NODE, NO_ROW, NodeSource, Topology};
+use crate::octree::{Explicit, Topology};
 
 pub use stored::PriorState;
 
@@ -183,21 +183,14 @@ impl PriorField {
                 continue;
             }
             let center = surfels.link(surfel).position;
-            for &node in topology.incident(row) {
-                if node == NO_NODE {
+            for &other in topology.around(row).flatten() {
+                if self.nearest[other as usize] == surfel {
                     continue;
                 }
-                for &other in topology.corners(node) {
-                    if self.nearest[other as usize] == surfel {
-                        continue;
-                    }
-                    let distance = (topology.positions()[other as usize] - center).length();
-                    if distance < self.reach[other as usize] * GAIN
-                        && distance <= self.max_distance_m
-                    {
-                        self.assign(other, surfel, distance);
-                        self.push(other);
-                    }
+                let distance = (topology.positions()[other as usize] - center).length();
+                if distance < self.reach[other as usize] * GAIN && distance <= self.max_distance_m {
+                    self.assign(other, surfel, distance);
+                    self.push(other);
                 }
             }
         }
@@ -267,23 +260,18 @@ impl PriorField {
         let position = topology.positions()[row as usize];
         let (mut best, mut reach) = (NO_SURFEL, self.reach[row as usize] * GAIN);
         let mut last = self.nearest[row as usize];
-        for &node in topology.incident(row) {
-            if node == NO_NODE {
+        for &other in topology.around(row).flatten() {
+            if other as usize >= self.nearest.len() {
                 continue;
             }
-            for &other in topology.corners(node) {
-                if other == NO_ROW || other as usize >= self.nearest.len() {
-                    continue;
-                }
-                let candidate = self.nearest[other as usize];
-                if candidate == NO_SURFEL || candidate == last {
-                    continue;
-                }
-                last = candidate;
-                let distance = (position - surfels.link(candidate).position).length();
-                if distance < reach && distance <= self.max_distance_m {
-                    (best, reach) = (candidate, distance);
-                }
+            let candidate = self.nearest[other as usize];
+            if candidate == NO_SURFEL || candidate == last {
+                continue;
+            }
+            last = candidate;
+            let distance = (position - surfels.link(candidate).position).length();
+            if distance < reach && distance <= self.max_distance_m {
+                (best, reach) = (candidate, distance);
             }
         }
         if best != NO_SURFEL {

@@ -7,6 +7,7 @@ mod life;
 mod numbers;
 mod planner;
 mod refusals;
+mod watches;
 
 use serde_json::Value;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
@@ -19,14 +20,14 @@ const RAW: (&str, &str) = ("content-type", "application/octet-stream");
 
 /// What came back.
 #[derive(Debug)]
-struct Reply {
-    status: u16,
+pub(crate) struct Reply {
+    pub(crate) status: u16,
     head: String,
     body: Vec<u8>,
 }
 
 impl Reply {
-    fn header(&self, name: &str) -> &str {
+    pub(crate) fn header(&self, name: &str) -> &str {
         let line = |line: &'_ &str| {
             line.split_once(':').is_some_and(|(key, _)| key.eq_ignore_ascii_case(name))
         };
@@ -39,7 +40,7 @@ impl Reply {
     }
 
     /// Code, field and message of an error.
-    fn error(&self) -> [String; 3] {
+    pub(crate) fn error(&self) -> [String; 3] {
         let error = &self.json()["error"];
         let text = |key: &str| error[key].as_str().unwrap_or_default().to_owned();
         [text("code"), text("field"), text("message")]
@@ -47,7 +48,7 @@ impl Reply {
 }
 
 /// A request on a connection of its own.
-fn request(method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> Vec<u8> {
+pub(crate) fn request(method: &str, path: &str, headers: &[(&str, &str)], body: &[u8]) -> Vec<u8> {
     let mut text = format!("{method} {path} HTTP/1.1\r\nhost: test\r\nconnection: close\r\n");
     for (name, value) in headers {
         text += &format!("{name}: {value}\r\n");
@@ -76,7 +77,7 @@ async fn answer(at: &str, bytes: Vec<u8>) -> Vec<u8> {
 }
 
 /// A request and its reply.
-async fn exchange(at: &str, bytes: Vec<u8>) -> Reply {
+pub(crate) async fn exchange(at: &str, bytes: Vec<u8>) -> Reply {
     let answer = answer(at, bytes).await;
     let end = answer.windows(4).position(|w| w == b"\r\n\r\n").expect("a whole head") + 4;
     let head = String::from_utf8(answer[..end].to_vec()).unwrap();

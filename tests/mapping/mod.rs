@@ -6,6 +6,7 @@ mod colors; // what was seen of colours is said, and survives a file
 mod fields; // distance, sign, gradient and state against the truth
 mod fixed; // the same input gives the same file: threads, interruption
 mod gpu; // the GPU backend makes the map that the CPU backend makes
+mod grids; // regular points, as any others
 mod images; // drawn by tiles and by rays, against what a camera sees
 mod language; // features become codes that texts find
 mod mirror; // a copy of a view that follows it

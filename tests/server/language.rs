@@ -41,7 +41,7 @@ fn labels(frame: &v1::Frame) -> v1::LabelImage {
 }
 
 /// A frame with such labels.
-fn labelled_frame(seq: u64) -> v1::Frame {
+pub(crate) fn labelled_frame(seq: u64) -> v1::Frame {
     let mut frame = good_frame(seq);
     frame.meaning = Some(Meaning::Labels(labels(&frame)));
     frame
@@ -63,7 +63,7 @@ fn featured_frame(seq: u64, encoder_id: &str, dimension: u32) -> v1::Frame {
 }
 
 /// The verdicts of frames, one after another.
-async fn verdicts(server: &Running, frames: Vec<v1::Frame>) -> Vec<v1::FrameAck> {
+pub(crate) async fn verdicts(server: &Running, frames: Vec<v1::Frame>) -> Vec<v1::FrameAck> {
     let (sender, mut acks) = open_stream(&server.channel).await;
     let mut verdicts = Vec::new();
     for frame in frames {

@@ -85,9 +85,9 @@ async fn a_mapper_that_fails_ends_the_server_with_an_error() {
         .await;
     assert_eq!(watch.message().await.unwrap().unwrap().status(), ServingStatus::NotServing);
     drop(watch);
-    let served = server.serving.await.unwrap().expect_err("the mapper failed").to_string();
+    let served = server.bare.serving.await.unwrap().expect_err("the mapper failed").to_string();
     assert!(served.contains("the bomb in the mapper"), "{served}");
-    let ended = server.mappers.stop().expect_err("the mapper failed").to_string();
+    let ended = server.bare.mappers.stop().expect_err("the mapper failed").to_string();
     assert!(ended.contains("the bomb in the mapper"), "{ended}");
 }
 
@@ -124,8 +124,8 @@ async fn a_stopped_server_drops_frames_and_says_why() {
     assert!(matches!(verdict.await.unwrap(), Verdict::Dropped(Reason::Stopping)));
     let counts = server.service.map_stats(DEFAULT_MAP).unwrap().counts;
     assert_eq!(counts.dropped, [(Reason::Stopping, 1)]);
-    server.serving.await.unwrap().unwrap();
-    server.mappers.stop().unwrap();
+    server.bare.serving.await.unwrap().unwrap();
+    server.bare.mappers.stop().unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]

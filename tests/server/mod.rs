@@ -38,12 +38,33 @@ pub(crate) struct Running {
     pub(crate) client: Client,
     pub(crate) channel: Channel,
     pub(crate) service: Arc<Service>,
+    bare: Bare,
+}
+
+impl Running {
+    /// Host and port of gRPC.
+    pub(crate) fn bare_grpc(&self) -> &str {
+        &self.bare.grpc
+    }
+
+    /// Ends the server as Ctrl-C would; what `serve::run` and the mapper thread said.
+    pub(crate) async fn stop(self) -> (Result<()>, Result<()>) {
+        self.bare.stop().await
+    }
+}
+
+/// A running server that nobody is connected to.
+pub(crate) struct Bare {
+    /// Host and port of gRPC and of HTTP.
+    pub(crate) grpc: String,
+    pub(crate) http: String,
+    pub(crate) service: Arc<Service>,
     mappers: Mappers,
     shutdown: oneshot::Sender<()>,
     serving: JoinHandle<Result<()>>,
 }
 
-impl Running {
+impl Bare {
     /// Ends the server as Ctrl-C would; what `serve::run` and the mapper thread said.
     pub(crate) async fn stop(self) -> (Result<()>, Result<()>) {
         let _ = self.shutdown.send(());
@@ -55,6 +76,16 @@ impl Running {
 /// A server with the defaults, except for `change`, and a map in memory. Its map is of the `fixed`
 /// schedule and untrained, so that a test takes no longer than its frames.
 pub(crate) async fn start(change: impl FnOnce(&mut Settings)) -> Running {
+    let bare = bare(change).await;
+    let url = format!("http://{}", bare.grpc);
+    let client = Client::connect(&url).await.unwrap();
+    let channel = Channel::from_shared(url.clone()).unwrap().connect().await.unwrap();
+    let (http, service) = (bare.http.clone(), bare.service.clone());
+    Running { url, http, client, channel, service, bare }
+}
+
+/// The same, without the connections.
+pub(crate) async fn bare(change: impl FnOnce(&mut Settings)) -> Bare {
     let mut settings = Settings {
         map: MapSettings { steps: Some(0), ..MapSettings::default() },
         ..Settings::default()
@@ -65,16 +96,14 @@ pub(crate) async fn start(change: impl FnOnce(&mut Settings)) -> Running {
     change(&mut settings);
     let (config, map) = ServerConfig::from_settings(&settings).unwrap();
     let listeners = Listeners::bind(&config).await.unwrap();
-    let url = format!("http://{}", listeners.grpc_address().unwrap());
+    let grpc = listeners.grpc_address().unwrap().to_string();
     let http = listeners.http_address().unwrap().to_string();
     let (service, mappers) = Service::start(&config, map).unwrap();
     let (shutdown, stopped) = oneshot::channel::<()>();
     let serving = tokio::spawn(orenx::serve::run(listeners, service.clone(), async {
         let _ = stopped.await;
     }));
-    let client = Client::connect(&url).await.unwrap();
-    let channel = Channel::from_shared(url.clone()).unwrap().connect().await.unwrap();
-    Running { url, http, client, channel, service, mappers, shutdown, serving }
+    Bare { grpc, http, service, mappers, shutdown, serving }
 }
 
 /// A good frame of a small room, as a message.

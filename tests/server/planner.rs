@@ -18,14 +18,14 @@ use tonic::Code;
 
 use super::{Running, open_stream, start, verdict};
 
-const FRAMES: usize = 60;
+pub(crate) const FRAMES: usize = 60;
 
 fn room() -> Synthetic {
     Synthetic::room(FRAMES).with_width(160)
 }
 
 /// Sends frames of the room; the epoch that holds them.
-async fn send(server: &Running, indices: impl IntoIterator<Item = usize>) -> u64 {
+pub(crate) async fn send(server: &Running, indices: impl IntoIterator<Item = usize>) -> u64 {
     let (frames, mut acks) = open_stream(&server.channel).await;
     let room = room();
     let mut epoch = 0;
@@ -306,6 +306,8 @@ async fn a_watched_region_tells_what_changes_and_a_watched_way_when_it_is_unsafe
     let mut news = server.client.watch_region(&question).await.unwrap();
     let first = news.next().await.unwrap().expect("what there is");
     assert_eq!((first.epoch, first.bricks.len(), &first.size[..]), (0, 0, &[60, 48, 20][..]));
+    let mut seq = first.seq;
+    assert_eq!(seq, 1);
     // Through a wall that nobody has seen yet.
     let mut check = ways(0);
     check.poses = [0.0f32, 4.0].map(|x| Waypoint::at(Vec3::new(x, 0.9, 1.3))).to_vec();
@@ -331,6 +333,8 @@ async fn a_watched_region_tells_what_changes_and_a_watched_way_when_it_is_unsafe
     loop {
         let change = news.next().await.unwrap().expect("more");
         change.bricks.iter().for_each(|brick| put(brick, &grid.shape, &mut state));
+        seq += 1;
+        assert_eq!(change.seq, seq, "none is missing");
         if change.epoch >= epoch {
             break;
         }

@@ -22,9 +22,10 @@ use crate::error::Result;
 use crate::geometry::Aabb;
 use crate::geometry::random::{pcg4d, unit};
 use crate::map::{
-    Fields, GridShape, LevelShape, MapView, PathPart, PathSettings, Sphere, Waypoint, check_paths,
-    query_parallel, query_pool,
+    Fields, GridShape, LevelShape, MapView, PathPart, PathSettings, Pieces, Sphere, Waypoint,
+    check_paths, query_parallel, query_pool,
 };
+use crate::octree::PointGrid;
 use crate::service::{
     DEFAULT_MAP, GridQuestion, NumberFormat, SliceQuestion, SpheresQuestion, Terms,
     TrajectoriesQuestion,
@@ -59,6 +60,8 @@ const POSES: usize = 56;
 const CELLS: u32 = 200;
 const VOXELS: u32 = 40;
 const VOXEL_M: f32 = 0.05;
+/// Points of a slice or a grid that a thread takes at a time.
+const PIECE: usize = 4096;
 const FIELDS: Fields = Fields { gradient: true, state: true, ..Fields::DISTANCE };
 
 /// The questions of the kinds, and what half of their answers must not take longer than, ms.
@@ -179,21 +182,31 @@ impl Loads {
                     height: CELLS,
                     heights: vec![self.slice.z_m],
                 };
+                let regular = |grid: &PointGrid<'_>, fields: Fields| view.query_grid(grid, fields);
+                let pieces = shape.pieces(PIECE);
                 pool.scope(|scope| {
-                    for row in 0..8 {
-                        let (shape, eighth) = (&shape, shape.cells() / 8);
+                    for piece in 0..pieces.count() {
+                        let (shape, regular) = (&shape, &regular);
                         scope.spawn(move |_| {
-                            let cells = row * eighth..(row + 1) * eighth;
-                            black_box(shape.distances(&query, cells, None));
+                            black_box(shape.distances(regular, pieces.voxels(piece), None));
                         });
                     }
                 });
             }
             _ => {
                 let shape = GridShape::covering(&self.grid.region, VOXEL_M);
-                let centers: Vec<Vec3> =
-                    (0..shape.voxels() as usize).map(|index| shape.center_at(index)).collect();
-                black_box(query_parallel(&query, &centers, self.grid.fields, pool));
+                let pieces = Pieces::new(shape.size, PIECE as u32);
+                pool.scope(|scope| {
+                    for piece in 0..pieces.count() {
+                        scope.spawn(move |_| {
+                            let [x, y, z] = pieces.voxels(piece);
+                            let axes = [(0, x), (1, y), (2, z)];
+                            let axes = axes.map(|(axis, of)| shape.centers_along(axis, of));
+                            let grid = PointGrid { axes: axes.each_ref().map(Vec::as_slice) };
+                            black_box(view.query_grid(&grid, self.grid.fields));
+                        });
+                    }
+                });
             }
         }
     }

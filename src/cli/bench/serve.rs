@@ -5,6 +5,7 @@
 //! loopback ports, so that a planner's side is measured with it. It is one machine: the robot and
 //! the planners take their share of the same cores.
 
+mod crowd;
 pub(super) mod load;
 pub(super) mod process;
 
@@ -17,6 +18,7 @@ use glam::Vec3;
 use tokio::sync::mpsc;
 use tokio_stream::wrappers::ReceiverStream;
 
+use self::crowd::Crowd;
 use self::load::{Robot, known_points};
 use self::process::ServerProcess;
 use super::figure::{Figure, Target, Unit, percentile};
@@ -43,11 +45,18 @@ pub(super) struct ServeBenchArgs {
     /// How long questions are piped through one stream, s; 0: not at all
     #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u64).range(0..=3600))]
     pipeline_s: u64,
-    /// How long a room is streamed in a loop while four clients ask, s; up to 60: not at all
+    /// How long a room is streamed in a loop while many clients ask, s; 0: not at all. Memory is judged
+    /// after the first minute
     #[arg(long, value_name = "S", default_value_t = 600, value_parser = clap::value_parser!(u64).range(0..=86_400))]
     soak_s: u64,
+    /// Clients that ask meanwhile, each something else in turn
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    clients: u32,
+    /// Time between two questions of each of them, ms
+    #[arg(long, value_name = "MS", default_value_t = 500, value_parser = clap::value_parser!(u64).range(1..=60_000))]
+    client_cycle_ms: u64,
     /// Width of the room's images, pixels
-    #[arg(long, value_name = "PIXELS", default_value_t = 320, value_parser = clap::value_parser!(u32).range(8..=4096))]
+    #[arg(long, value_name = "PIXELS", default_value_t = 640, value_parser = clap::value_parser!(u32).range(8..=4096))]
     width: u32,
 }
 
@@ -73,7 +82,8 @@ const GROWTH: Target = Target::at_most(0.02);
 const WARM_UP: Duration = Duration::from_secs(60);
 /// Seconds whose median counts: what is held for a frame or a question comes and goes.
 const MEMORY_WINDOW: usize = 30;
-const SOAK_CLIENTS: usize = 4;
+/// Frames in the map before anybody asks.
+const FRAMES_FIRST: u64 = 60;
 /// Frames of one walk through the room.
 const ROOM_FRAMES: usize = 600;
 
@@ -85,7 +95,7 @@ impl ServeBenchArgs {
             let recording = self.recording.open(&folder)?;
             let frames = load::load(recording.data.as_ref(), &recording.indices)?;
             self.questions(recording.data.name(), frames, out).await?;
-            if self.soak_s > WARM_UP.as_secs() {
+            if self.soak_s > 0 {
                 self.soak(out).await?;
             }
             Ok(())
@@ -181,23 +191,16 @@ impl ServeBenchArgs {
             (Client::connect(server.grpc()).await?, Client::connect(server.grpc()).await?);
         let room = Synthetic::room(ROOM_FRAMES).with_width(self.width);
         let frames = load::load(&room, &(0..ROOM_FRAMES).collect::<Vec<_>>())?;
-        let robot = Robot::start(&camera, frames, RATE_HZ, None);
+        let robot = Robot::start(&camera, frames.clone(), RATE_HZ, None);
         let start = Instant::now();
-        tokio::time::sleep(Duration::from_secs(5)).await;
-        let points = known_points(&client, PIPED_POINTS).await?;
-        let mut clients = tokio::task::JoinSet::new();
-        for _ in 0..SOAK_CLIENTS {
-            let (planner, asked) = (Client::connect(server.grpc()).await?, question(&points));
-            let mut cycle = tokio::time::interval(Duration::from_millis(self.cycle_ms));
-            cycle.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
-            clients.spawn(async move {
-                loop {
-                    cycle.tick().await;
-                    planner.ask(&asked).await?;
-                }
-            });
-        }
         let mut every = tokio::time::interval(Duration::from_secs(1));
+        while client.map_stats(DEFAULT_MAP).await?.stats.frames < FRAMES_FIRST {
+            every.tick().await;
+        }
+        let points = known_points(&client, PIPED_POINTS).await?;
+        let cycle = Duration::from_millis(self.client_cycle_ms);
+        let url = server.grpc();
+        let mut crowd = Crowd::start(url, self.clients as usize, cycle, &points, &frames).await?;
         let mut resident = Vec::new();
         while start.elapsed() < Duration::from_secs(self.soak_s) {
             every.tick().await;
@@ -205,22 +208,23 @@ impl ServeBenchArgs {
             if start.elapsed() >= WARM_UP {
                 resident.push(bytes as f64);
             }
-            if let Some(ended) = clients.try_join_next() {
-                let ended: Result<()> =
-                    ended.map_err(|e| Error::Internal(format!("a client failed: {e}")))?;
-                ended?;
-            }
+            crowd.check()?;
         }
-        clients.shutdown().await;
+        let case = format!(
+            "room of {} pixels at {RATE_HZ} Hz for {} s, {} clients",
+            self.width, self.soak_s, self.clients
+        );
+        out.figures(crowd.finish(&case).await)?;
         let report = robot.finish().await?;
-        let case =
-            format!("room at {RATE_HZ} Hz for {} s, {SOAK_CLIENTS} clients asking", self.soak_s);
-        let (warm, growth) = growth(&resident);
-        out.figures([
-            Figure::new(&case, "memory_after_a_minute", warm, Unit::Bytes),
-            Figure::new(&case, "memory_growth", growth, Unit::Share).against(Some(GROWTH)),
-            load::dropped(&case, &report),
-        ])?;
+        if !resident.is_empty() {
+            let (warm, growth) = growth(&resident);
+            out.figures([
+                Figure::new(&case, "memory_after_a_minute", warm, Unit::Bytes),
+                Figure::new(&case, "memory_growth", growth, Unit::Share).against(Some(GROWTH)),
+            ])?;
+        }
+        out.figures([load::dropped(&case, &report)])?;
+        out.figures(load::reasons(&case, &report))?;
         Ok(server.stop().await?)
     }
 }

@@ -3,12 +3,14 @@
 
 use std::ops::Range;
 
-use glam::{Vec2, Vec3};
+use glam::{UVec3, Vec2};
 
 use super::{Plane, Slice};
 use crate::error::Result;
-use crate::map::parallel::PointQuery;
+use crate::map::grid::Pieces;
+use crate::map::parallel::GridQuery;
 use crate::map::query::{Fields, State};
+use crate::octree::PointGrid;
 
 /// Cells of a region, x the fastest, from its low corner on.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,26 +31,31 @@ impl LevelShape {
         self.width as usize * self.height as usize
     }
 
-    /// The least distances of some cells, m; NaN where nothing is known at any height, unless
-    /// `unknown_m` stands for what is unknown.
+    /// The cells in pieces of at most `most` looks, one a height each.
+    pub fn pieces(&self, most: usize) -> Pieces {
+        let cells = (most / self.heights.len().max(1)).max(1);
+        Pieces::new(UVec3::new(self.width, self.height, 1), cells as u32)
+    }
+
+    /// The least distances of the cells of a piece, m; NaN where nothing is known at any height,
+    /// unless `unknown_m` stands for what is unknown.
     pub fn distances(
         &self,
-        query: &impl PointQuery,
-        cells: Range<usize>,
+        query: &impl GridQuery,
+        [columns, rows, _]: [Range<u32>; 3],
         unknown_m: Option<f32>,
     ) -> Vec<f32> {
-        let mut least = vec![f32::NAN; cells.len()];
-        let place = |cell: usize| {
-            let (x, y) = (cell % self.width as usize, cell / self.width as usize);
-            self.origin + (Vec2::new(x as f32, y as f32) + 0.5) * self.resolution_m
+        let places = |axis: usize, cells: Range<u32>| -> Vec<f32> {
+            cells.map(|i| self.origin[axis] + (i as f32 + 0.5) * self.resolution_m).collect()
         };
-        let mut points: Vec<Vec3> = cells.map(|cell| place(cell).extend(0.0)).collect();
-        for &z in &self.heights {
-            points.iter_mut().for_each(|point| point.z = z);
-            let distances = query(&points, Fields::DISTANCE).distance;
-            for (least, d) in least.iter_mut().zip(distances) {
+        let (x, y) = (places(0, columns), places(1, rows));
+        let grid = PointGrid { axes: [&x, &y, &self.heights] };
+        let distances = query(&grid, Fields::DISTANCE).distance;
+        let mut least = vec![f32::NAN; x.len() * y.len()];
+        for layer in distances.chunks_exact(least.len().max(1)) {
+            for (least, d) in least.iter_mut().zip(layer) {
                 // What is unknown is the least of nothing.
-                *least = least.min(if d.is_nan() { unknown_m.unwrap_or(d) } else { d });
+                *least = least.min(if d.is_nan() { unknown_m.unwrap_or(*d) } else { *d });
             }
         }
         least
@@ -109,9 +116,12 @@ mod tests {
     #[test]
     fn a_band_has_the_least_of_its_heights_and_pictures_stand_upright() {
         // x at z = 0, y at z = 1, nothing known at z = 2.
-        let query = |points: &[Vec3], _: Fields| PointAnswers {
-            distance: points.iter().map(|p| [p.x, p.y, f32::NAN][p.z as usize]).collect(),
-            ..PointAnswers::default()
+        let query = |grid: &PointGrid<'_>, _: Fields| {
+            let [x, y, z] = grid.axes;
+            let rows = z.iter().flat_map(|z| y.iter().map(move |y| (*y, *z)));
+            let points = rows.flat_map(|(y, z)| x.iter().map(move |x| [*x, y, z]));
+            let distance = points.map(|[x, y, z]| [x, y, f32::NAN][z as usize]).collect();
+            PointAnswers { distance, ..PointAnswers::default() }
         };
         let mut shape = LevelShape {
             origin: Vec2::new(1.0, 2.0),
@@ -120,10 +130,13 @@ mod tests {
             height: 2,
             heights: vec![0.0, 1.0, 2.0],
         };
-        assert_eq!(shape.distances(&query, 0..6, None), [1.5, 2.5, 2.5, 1.5, 2.5, 3.5]);
-        assert_eq!(shape.distances(&query, 4..6, Some(-1.0)), [-1.0, -1.0]);
+        assert_eq!(
+            shape.distances(&query, [0..3, 0..2, 0..1], None),
+            [1.5, 2.5, 2.5, 1.5, 2.5, 3.5]
+        );
+        assert_eq!(shape.distances(&query, [1..3, 1..2, 0..1], Some(-1.0)), [-1.0, -1.0]);
         shape.heights = vec![2.0];
-        assert!(shape.distances(&query, 0..6, None).iter().all(|d| d.is_nan()));
+        assert!(shape.distances(&query, [0..3, 0..2, 0..1], None).iter().all(|d| d.is_nan()));
         let picture = shape.picture(&[1.0, 2.0, 3.0, 4.0, 5.0, f32::NAN]).expect("finite");
         assert_eq!(picture.distances[..2], [4.0, 5.0]);
         assert_eq!((picture.states[2], picture.at(2, 1)), (0, Vec2::new(3.5, 2.5)));

@@ -1,10 +1,12 @@
 //! From rows to the decoders' inputs, and from their derivatives to the gradient in space.
 
+use std::ops::Range;
+
 use glam::Vec3;
 
-use super::{Packed, Tile};
+use super::{Group, Packed, Tile};
 use crate::geometry::simd::{Half, Kernel, LINE, Lanes};
-use crate::modality::interpolation::Place;
+use crate::modality::interpolation::{Corners, Place};
 use crate::modality::{Features, OCCUPANCY_FEATURES, Row, SDF_FEATURES, sdf};
 
 /// A row that says nothing.
@@ -12,6 +14,7 @@ pub(super) const NOTHING: Row = Row {
     explicit: [0.0; 4],
     features: Features { sdf: [Half(0); SDF_FEATURES], occupancy: [Half(0); OCCUPANCY_FEATURES] },
 };
+
 /// Interpolates the explicit part and packs the features that are not zero.
 pub(super) struct Gather<'a, 'r> {
     pub(super) want_gradient: bool,
@@ -26,57 +29,98 @@ impl Kernel for Gather<'_, '_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let tile = &mut *self.tile;
-        for (slot, (rows, place)) in tile.rows.iter().zip(&tile.places).enumerate() {
-            let mut explicit = [&NOTHING.explicit; 8];
-            for (explicit, corner) in explicit.iter_mut().zip(rows) {
-                *explicit = &corner.explicit;
-            }
-            let explicit = L::columns(explicit);
-            let weights = place.weights();
-            let distance = if self.want_gradient {
-                let (distance, gradient) = place.distance_and_gradient(&weights, &explicit);
-                tile.gradients.push(Vec3::from(gradient));
-                distance
-            } else {
-                place.distance(&weights, &explicit)
-            };
-            tile.distances.push(distance);
-            let context = sdf::context(distance);
+        tile.weights.clear();
+        let mut first = 0;
+        for at in 0..tile.groups.len() {
+            let Group { rows, points } = tile.groups[at];
+            let slots = first..first + points as usize;
+            first = slots.end;
+            explicit_part::<L>(tile, &rows, slots.clone(), self.want_gradient);
             if self.want_residual {
-                let mut features = [&NOTHING.features.sdf; 8];
-                for (feature, corner) in features.iter_mut().zip(rows) {
-                    *feature = &corner.features.sdf;
-                }
-                if any(&features) {
-                    let at = tile.sdf.slots.len();
-                    tile.sdf.slots.push(slot as u8);
-                    tile.sdf.contexts[at] = context;
-                    interpolate::<L>(&features, &weights, &mut tile.sdf.features, at);
-                    if self.want_gradient {
-                        differentiate::<L>(&features, place, &mut tile.slopes, at);
-                    }
-                }
+                residual_features::<L>(tile, &rows, slots.clone(), self.want_gradient);
             }
             if self.want_occupancy {
-                let mut features = [&NOTHING.features.occupancy; 8];
-                for (feature, corner) in features.iter_mut().zip(rows) {
-                    *feature = &corner.features.occupancy;
-                }
-                if any(&features) {
-                    let at = tile.occupancy.slots.len();
-                    tile.occupancy.slots.push(slot as u8);
-                    tile.occupancy.contexts[at] = context;
-                    let mut sum = [0.0; OCCUPANCY_FEATURES];
-                    for (feature, weight) in features.iter().zip(&weights) {
-                        for (sum, x) in sum.iter_mut().zip(*feature) {
-                            *sum += weight * x.widen();
-                        }
-                    }
-                    let line = &mut tile.occupancy.features[at * LINE..];
-                    line[..OCCUPANCY_FEATURES].copy_from_slice(&sum);
-                }
+                occupancy_features(tile, &rows, slots);
             }
         }
+    }
+}
+
+/// d_ga of some slots, its gradient, and the weights.
+#[inline(always)]
+fn explicit_part<L: Lanes>(
+    tile: &mut Tile<'_>,
+    rows: &[&Row; 8],
+    slots: Range<usize>,
+    want_gradient: bool,
+) {
+    let mut explicit = [&NOTHING.explicit; 8];
+    for (explicit, corner) in explicit.iter_mut().zip(rows) {
+        *explicit = &corner.explicit;
+    }
+    let explicit = L::columns(explicit);
+    for place in &tile.places[slots] {
+        let weights = place.weights();
+        if want_gradient {
+            let (distance, gradient) = place.distance_and_gradient(&weights, &explicit);
+            tile.gradients.push(Vec3::from(gradient));
+            tile.distances.push(distance);
+        } else {
+            tile.distances.push(place.distance(&weights, &explicit));
+        }
+        tile.weights.push(weights);
+    }
+}
+
+/// Packs the residual features of some slots, unless all are zero.
+#[inline(always)]
+fn residual_features<L: Lanes>(
+    tile: &mut Tile<'_>,
+    rows: &[&Row; 8],
+    slots: Range<usize>,
+    want_gradient: bool,
+) {
+    let mut features = [&NOTHING.features.sdf; 8];
+    for (feature, corner) in features.iter_mut().zip(rows) {
+        *feature = &corner.features.sdf;
+    }
+    if !any(&features) {
+        return;
+    }
+    let at = tile.sdf.slots.len();
+    for slot in slots.clone() {
+        let at = tile.sdf.slots.len();
+        tile.sdf.slots.push(slot as u8);
+        tile.sdf.contexts[at] = sdf::context(tile.distances[slot]);
+        if want_gradient {
+            differentiate::<L>(&features, &tile.places[slot], &mut tile.slopes, at);
+        }
+    }
+    interpolate::<L>(&features, &tile.weights[slots], &mut tile.sdf.features, at);
+}
+
+/// The same of occupancy.
+#[inline(always)]
+fn occupancy_features(tile: &mut Tile<'_>, rows: &[&Row; 8], slots: Range<usize>) {
+    let mut features = [&NOTHING.features.occupancy; 8];
+    for (feature, corner) in features.iter_mut().zip(rows) {
+        *feature = &corner.features.occupancy;
+    }
+    if !any(&features) {
+        return;
+    }
+    for slot in slots {
+        let at = tile.occupancy.slots.len();
+        tile.occupancy.slots.push(slot as u8);
+        tile.occupancy.contexts[at] = sdf::context(tile.distances[slot]);
+        let mut sum = [0.0; OCCUPANCY_FEATURES];
+        for (feature, weight) in features.iter().zip(&tile.weights[slot]) {
+            for (sum, x) in sum.iter_mut().zip(*feature) {
+                *sum += weight * x.widen();
+            }
+        }
+        let line = &mut tile.occupancy.features[at * LINE..];
+        line[..OCCUPANCY_FEATURES].copy_from_slice(&sum);
     }
 }
 
@@ -96,20 +140,27 @@ fn any<const N: usize>(features: &[&[Half; N]; 8]) -> bool {
     all != 0
 }
 
-/// Line `at` of `out` becomes Σ w_k f_k.
+/// Lines of `out` from `at` on become Σ w_k f_k, one for each point's weights.
 #[inline(always)]
 fn interpolate<L: Lanes>(
     features: &[&[Half; SDF_FEATURES]; 8],
-    weights: &[f32; 8],
+    weights: &[Corners],
     out: &mut [f32],
     at: usize,
 ) {
     for lane in (0..SDF_FEATURES).step_by(L::N) {
-        let mut sum = L::splat(0.0);
-        for (feature, weight) in features.iter().zip(weights) {
-            sum = L::splat(*weight).mul_add(L::load_halves(*feature, lane), sum);
+        // Read once for all points.
+        let mut wide = [L::splat(0.0); 8];
+        for (wide, feature) in wide.iter_mut().zip(features) {
+            *wide = L::load_halves(*feature, lane);
         }
-        sum.store(out, at * LINE + lane);
+        for (point, weights) in weights.iter().enumerate() {
+            let mut sum = L::splat(0.0);
+            for (feature, weight) in wide.iter().zip(weights) {
+                sum = L::splat(*weight).mul_add(*feature, sum);
+            }
+            sum.store(out, (at + point) * LINE + lane);
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Read-out: distance, gradient and occupancy at points, on the calling thread.
 
 mod gather;
+mod grid;
 #[cfg(test)]
 mod tests;
 
@@ -8,10 +9,12 @@ use glam::Vec3;
 
 use self::gather::{Chain, Gather, NOTHING};
 use super::decoder::{Activations, Gradient, POINTS_MULTIPLE};
-use super::interpolation::Place;
+use super::interpolation::{Corners, Place};
 use super::{Decoders, Row, RowSource, occupancy};
 use crate::geometry::simd::{InstructionSet, LINE, Lines, prefetch};
 use crate::octree::{Found, Lookup, NodeSource};
+
+pub use grid::evaluate_grid;
 
 /// Points that are located, gathered and decoded together.
 const TILE: usize = 64;
@@ -48,41 +51,24 @@ pub(crate) fn evaluate_with<S: NodeSource + RowSource>(
     points: &[Vec3],
     answers: Answers<'_>,
 ) {
-    let Answers { distance, gradient, occupancy, voxels } = answers;
-    distance.fill(f32::NAN);
-    gradient.fill(Vec3::NAN);
-    occupancy.fill(f32::NAN);
-    voxels.fill(Found::NONE);
+    let mut answers = answers;
+    answers.clear();
     let Some(lookup) = Lookup::new(source) else { return };
-    let mut reader = Reader {
-        set,
-        source,
-        decoders,
-        want_distance: !distance.is_empty(),
-        want_gradient: !gradient.is_empty(),
-        want_occupancy: !occupancy.is_empty(),
-        tile: Tile::new(points.len().min(TILE)),
-    };
+    let mut reader = Reader::new(set, source, decoders, &answers, points.len());
     for (i, points) in points.chunks(TILE).enumerate() {
-        reader.locate(&lookup, points);
+        reader.locate(&lookup, points, i * TILE);
         reader.run();
-        let at = i * TILE;
-        let tile = &reader.tile;
-        for (slot, point) in tile.found.iter().enumerate() {
-            let point = at + *point as usize;
-            if reader.want_distance {
-                distance[point] = tile.distances[slot];
-            }
-            if reader.want_gradient {
-                gradient[point] = tile.gradients[slot];
-            }
-            if reader.want_occupancy {
-                occupancy[point] = tile.occupancies[slot];
-            }
-            if !voxels.is_empty() {
-                voxels[point] = tile.voxels[slot];
-            }
-        }
+        reader.tile.hand_over(&mut answers);
+    }
+}
+
+impl Answers<'_> {
+    /// Nothing is known yet.
+    fn clear(&mut self) {
+        self.distance.fill(f32::NAN);
+        self.gradient.fill(Vec3::NAN);
+        self.occupancy.fill(f32::NAN);
+        self.voxels.fill(Found::NONE);
     }
 }
 
@@ -103,15 +89,10 @@ pub fn evaluate_samples<S: NodeSource + RowSource>(
     distance: &mut [f32],
     gradient: &mut [Vec3],
 ) {
-    let mut reader = Reader {
-        set: InstructionSet::detect(),
-        source,
-        decoders,
-        want_distance: !distance.is_empty(),
-        want_gradient: !gradient.is_empty(),
-        want_occupancy: false,
-        tile: Tile::new(samples.len().min(TILE)),
-    };
+    let answers = Answers { distance, gradient, ..Answers::default() };
+    let set = InstructionSet::detect();
+    let mut reader = Reader::new(set, source, decoders, &answers, samples.len());
+    let Answers { distance, gradient, .. } = answers;
     for (i, samples) in samples.chunks(TILE).enumerate() {
         reader.take(samples);
         reader.run();
@@ -135,14 +116,14 @@ struct Reader<'a, S: RowSource> {
     tile: Tile<'a>,
 }
 
-/// Working space of one tile. Columns up to `occupancies` have one entry a found point.
+/// Working space of one tile. Columns from `places` to `occupancies` have one entry a found point.
 struct Tile<'a> {
-    /// The points that lie in a voxel with rows, as indices into the tile's points.
-    found: Vec<u8>,
+    /// The points that lie in a voxel with rows, by their places among all.
+    found: Vec<u32>,
     voxels: Vec<Found>,
-    /// Of the corners; asked for when they are entered.
-    rows: Vec<[&'a Row; 8]>,
+    groups: Vec<Group<'a>>,
     places: Vec<Place>,
+    weights: Vec<Corners>,
     /// d_ga, then f.
     distances: Vec<f32>,
     /// ∇d_ga, then ∇f.
@@ -153,6 +134,14 @@ struct Tile<'a> {
     /// ∂f/∂x, ∂f/∂y, ∂f/∂z of the residual feature, three lines a packed point.
     slopes: Lines,
     activations: Activations,
+}
+
+/// Points of a tile, one behind the other, that lie in the same voxel.
+#[derive(Clone, Copy)]
+struct Group<'a> {
+    /// Of the corners; asked for when they are entered.
+    rows: [&'a Row; 8],
+    points: u8,
 }
 
 /// The points whose feature is not all zero; the others need no decoder.
@@ -192,27 +181,53 @@ impl Packed {
 
 impl<'a> Tile<'a> {
     fn clear_places(&mut self) {
-        self.rows.clear();
+        self.found.clear();
+        self.voxels.clear();
+        self.groups.clear();
         self.places.clear();
     }
 
-    /// Adds a point, and asks for the rows around it.
-    fn push<S: NodeSource + RowSource>(&mut self, source: &'a S, node: u32, place: Place) {
+    /// Begins a group, and asks for the rows around it.
+    fn begin<S: NodeSource + RowSource>(&mut self, source: &'a S, node: u32) {
         let mut rows = [&NOTHING; 8];
         for (row, number) in rows.iter_mut().zip(source.corners(node)) {
             *row = source.row(*number);
             prefetch(*row);
         }
-        self.rows.push(rows);
-        self.places.push(place);
+        self.groups.push(Group { rows, points: 0 });
+    }
+
+    /// Adds a point to the last group.
+    #[inline]
+    fn push(&mut self, place: Place) {
+        if let Some(group) = self.groups.last_mut() {
+            group.points += 1;
+            self.places.push(place);
+        }
+    }
+
+    /// Answers go to their points.
+    fn hand_over(&self, answers: &mut Answers<'_>) {
+        fn scatter<T: Copy>(found: &[u32], values: &[T], out: &mut [T]) {
+            if !out.is_empty() {
+                for (point, value) in found.iter().zip(values) {
+                    out[*point as usize] = *value;
+                }
+            }
+        }
+        scatter(&self.found, &self.distances, answers.distance);
+        scatter(&self.found, &self.gradients, answers.gradient);
+        scatter(&self.found, &self.occupancies, answers.occupancy);
+        scatter(&self.found, &self.voxels, answers.voxels);
     }
 
     fn new(points: usize) -> Self {
         Self {
             found: Vec::with_capacity(points),
             voxels: Vec::with_capacity(points),
-            rows: Vec::with_capacity(points),
+            groups: Vec::with_capacity(points),
             places: Vec::with_capacity(points),
+            weights: Vec::with_capacity(points),
             distances: Vec::with_capacity(points),
             gradients: Vec::with_capacity(points),
             occupancies: Vec::with_capacity(points),
@@ -224,7 +239,26 @@ impl<'a> Tile<'a> {
     }
 }
 
-impl<S: NodeSource + RowSource> Reader<'_, S> {
+impl<'a, S: NodeSource + RowSource> Reader<'a, S> {
+    /// Of what `answers` have room for.
+    fn new(
+        set: InstructionSet,
+        source: &'a S,
+        decoders: &'a Decoders,
+        answers: &Answers<'_>,
+        points: usize,
+    ) -> Self {
+        Self {
+            set,
+            source,
+            decoders,
+            want_distance: !answers.distance.is_empty(),
+            want_gradient: !answers.gradient.is_empty(),
+            want_occupancy: !answers.occupancy.is_empty(),
+            tile: Tile::new(points.min(TILE)),
+        }
+    }
+
     /// Evaluates what [`Self::locate`] or [`Self::take`] left in the tile.
     fn run(&mut self) {
         let tile = &mut self.tile;
@@ -248,20 +282,24 @@ impl<S: NodeSource + RowSource> Reader<'_, S> {
         }
     }
 
-    fn locate(&mut self, lookup: &Lookup<'_, S>, points: &[Vec3]) {
+    /// Takes points in, of which the first has the place `first` among all.
+    fn locate(&mut self, lookup: &Lookup<'_, S>, points: &[Vec3], first: usize) {
         let mut cells = [Found::NONE; TILE];
         let cells = &mut cells[..points.len()];
         lookup.find_many(points, cells);
-        self.tile.found.clear();
-        self.tile.voxels.clear();
         self.tile.clear_places();
+        let mut last = Found::NONE;
         for (i, (cell, point)) in cells.iter().zip(points).enumerate() {
             if cell.is_some() {
                 let voxel = lookup.located(*cell, *point);
-                self.tile.found.push(i as u8);
+                self.tile.found.push((first + i) as u32);
                 self.tile.voxels.push(*cell);
+                if *cell != last {
+                    self.tile.begin(self.source, cell.node);
+                    last = *cell;
+                }
                 let offset_m = (*point - voxel.min_m).to_array();
-                self.tile.push(self.source, cell.node, Place { offset_m, size_m: voxel.size_m });
+                self.tile.push(Place { offset_m, size_m: voxel.size_m });
             }
         }
     }
@@ -269,7 +307,8 @@ impl<S: NodeSource + RowSource> Reader<'_, S> {
     fn take(&mut self, samples: &[Sample]) {
         self.tile.clear_places();
         for sample in samples {
-            self.tile.push(self.source, sample.node, sample.place);
+            self.tile.begin(self.source, sample.node);
+            self.tile.push(sample.place);
         }
     }
 

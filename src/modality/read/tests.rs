@@ -5,6 +5,7 @@ use crate::geometry::random::{pcg4d, unit};
 use crate::modality::interpolation::by_column;
 use crate::modality::test_tree::Tree;
 use crate::modality::{Features, sdf};
+use crate::octree::PointGrid;
 
 fn random(stream: u32, i: usize) -> f32 {
     2.0 * unit(pcg4d([21, stream, 0, i as u32])[0]) - 1.0
@@ -147,4 +148,45 @@ fn points_outside_are_nan_and_columns_may_be_absent() {
     let answers = Answers { occupancy: &mut alone, ..Answers::default() };
     evaluate(&tree, &decoders(&[32]), &points, answers);
     assert_eq!(alone[1], occupancy[1], "the same without the other columns");
+}
+
+#[test]
+fn regular_points_are_answered_to_the_bit() {
+    let tree = tree(true);
+    let axis = |stream, count: usize| {
+        let mut axis: Vec<f32> = (0..count).map(|i| random(stream, i) * 0.45).collect();
+        axis.sort_unstable_by(f32::total_cmp);
+        axis
+    };
+    // Blocks of one point, of some, and of more than a tile holds; some points lie outside.
+    for (x, y, z) in [(40, 30, 1), (1, 1, 7), (90, 11, 9)] {
+        let axes = [axis(8, x), axis(9, y), axis(10, z)];
+        let grid = PointGrid { axes: axes.each_ref().map(Vec::as_slice) };
+        let mut points = Vec::new();
+        for z in 0..z {
+            for y in 0..y {
+                points.extend((0..x).map(|x| grid.point([x, y, z])));
+            }
+        }
+        for hidden in [&[32][..], &[64, 64]] {
+            let decoders = decoders(hidden);
+            for set in InstructionSet::available() {
+                let expected = read(set, &tree, &decoders, &points);
+                let n = points.len();
+                let mut found = (vec![0.0; n], vec![Vec3::ZERO; n], vec![0.0; n]);
+                let answers = Answers {
+                    distance: &mut found.0,
+                    gradient: &mut found.1,
+                    occupancy: &mut found.2,
+                    ..Answers::default()
+                };
+                grid::evaluate_grid_with(set, &tree, &decoders, &grid, answers);
+                let bits = |of: &Columns| -> Vec<u32> {
+                    let gradient = bytemuck::cast_slice(&of.1);
+                    of.0.iter().chain(gradient).chain(&of.2).map(|x: &f32| x.to_bits()).collect()
+                };
+                assert_eq!(bits(&found), bits(&expected), "{set:?}");
+            }
+        }
+    }
 }

@@ -88,6 +88,16 @@ impl Share {
     }
 }
 
+impl Share {
+    /// A share of so many bytes, once there is room. Only for who holds nothing that others wait for.
+    pub(super) async fn wait(memory: &Arc<Semaphore>, bytes: usize) -> Result<Self, Refusal> {
+        let units = u32::try_from(bytes.div_ceil(UNIT_BYTES)).unwrap_or(u32::MAX);
+        let held = memory.clone().acquire_many_owned(units).await;
+        let held = held.map_err(|_| Error::Unavailable("the server is stopping".into()))?;
+        Ok(Self { memory: memory.clone(), held: Some(held), bytes })
+    }
+}
+
 /// Reads a body of at most so many bytes straight into the memory of its values, so that they are
 /// aligned and copied once.
 pub(super) async fn receive<T: Pod>(

@@ -1,24 +1,21 @@
 //! What happens to a map, as Server-Sent Events: its counters whenever they are new, a few times a
 //! second at most.
 
-use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
 
-use axum::body::Body;
 use axum::extract::{RawQuery, State};
-use axum::http::header;
-use axum::response::{IntoResponse, Response};
-use bytes::Bytes;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
+use axum::response::Response;
+use serde_json::json;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::time::{Instant, sleep, sleep_until};
-use tokio_stream::wrappers::ReceiverStream;
 
 use super::Edge;
 use super::maps::stats_of;
 use super::openapi::MapRefusals;
 use super::options::decoded;
 use super::refusal::Refusal;
+use super::sse::{Event, Source, respond};
 use crate::error::Error;
 use crate::service::{DEFAULT_MAP, Service};
 
@@ -66,12 +63,8 @@ pub(super) async fn events(
         let limit = format!("the limit is {MAX_LISTENERS}");
         Refusal::from(Error::ResourceExhausted { what: "listeners to events".into(), limit })
     })?;
-    // One event waits to be read: the next one is made once there is room, of what is then.
-    let (out, told) = mpsc::channel(1);
-    tokio::spawn(tell(edge.clone(), service, map_id, out, place));
-    let headers =
-        [(header::CONTENT_TYPE, "text/event-stream"), (header::CACHE_CONTROL, "no-store")];
-    Ok((headers, Body::from_stream(ReceiverStream::new(told))).into_response())
+    let ending = edge.ending.subscribe();
+    Ok(respond(Listener { service, map_id, ending, told: None, is_over: false, _place: place }))
 }
 
 fn map_of(query: Option<&str>) -> Result<String, Refusal> {
@@ -90,52 +83,50 @@ fn map_of(query: Option<&str>) -> Result<String, Refusal> {
     Ok(map_id.unwrap_or_else(|| DEFAULT_MAP.into()))
 }
 
-type Out = mpsc::Sender<Result<Bytes, Infallible>>;
-
-async fn tell(
-    edge: Arc<Edge>,
+/// Who listens to a map.
+struct Listener {
     service: Arc<Service>,
     map_id: String,
-    out: Out,
+    /// Turns true when the server stops.
+    ending: watch::Receiver<bool>,
+    /// The epoch of the last event, and the earliest time of the next.
+    told: Option<(u64, Instant)>,
+    is_over: bool,
     _place: OwnedSemaphorePermit,
-) {
-    let mut ending = edge.ending.subscribe();
-    loop {
-        let Ok(room) = out.reserve().await else { return };
-        let (event, epoch) = match status(&service, &map_id) {
-            Ok(told) => told,
-            Err(_) => return room.send(Ok(end("the map is gone"))),
-        };
-        room.send(Ok(event));
-        let earliest = Instant::now() + LEAST_INTERVAL;
+}
+
+impl Source for Listener {
+    async fn next(&mut self) -> Result<Option<Event>, Refusal> {
+        if self.is_over {
+            return Ok(None);
+        }
+        let Self { service, map_id, ending, told, is_over, .. } = self;
         let news = async {
+            let Some((epoch, earliest)) = *told else { return };
             tokio::select! {
-                _ = service.has_news(&map_id, Some(epoch)) => {}
+                _ = service.has_news(map_id, Some(epoch)) => {}
                 () = sleep(MOST_INTERVAL) => {}
             }
             sleep_until(earliest).await;
         };
-        tokio::select! {
-            () = news => {}
-            () = out.closed() => return,
-            _ = ending.wait_for(|ending| *ending) => {
-                // To who has room for it.
-                let _ = out.try_send(Ok(end("the server is stopping")));
-                return;
+        let over = tokio::select! {
+            () = news => None,
+            _ = ending.wait_for(|ending| *ending) => Some("the server is stopping"),
+        };
+        let stats = stats_of(service, map_id);
+        let (epoch, name, data) = match (over, stats) {
+            (None, Ok(stats)) => (stats.epoch(), "status", serde_json::to_vec(&stats)),
+            (over, stats) => {
+                *is_over = true;
+                let reason = json!({ "reason": over.unwrap_or("the map is gone") });
+                (stats.map_or(0, |stats| stats.epoch()), "end", serde_json::to_vec(&reason))
             }
-        }
+        };
+        *told = Some((epoch, Instant::now() + LEAST_INTERVAL));
+        let data =
+            data.map_err(|e| Error::Internal(format!("an event did not become JSON: {e}")))?;
+        Ok(Some(Event::new(name, epoch, &data, None)))
     }
-}
-
-fn status(service: &Service, map_id: &str) -> Result<(Bytes, u64), Refusal> {
-    let stats = stats_of(service, map_id)?;
-    let json = serde_json::to_string(&stats)
-        .map_err(|e| Error::Internal(format!("an event did not become JSON: {e}")))?;
-    Ok((Bytes::from(format!("event: status\ndata: {json}\n\n")), stats.epoch()))
-}
-
-fn end(reason: &str) -> Bytes {
-    Bytes::from(format!("event: end\ndata: {}\n\n", serde_json::json!({ "reason": reason })))
 }
 
 #[cfg(test)]

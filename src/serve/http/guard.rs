@@ -4,11 +4,15 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use axum::body::Body;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use http_body_util::BodyExt;
 
+use super::super::access::{Asked, Transport, rule};
+use super::super::connection::Peer;
 use super::Edge;
 use super::options::MAX_INTEGER;
 use super::refusal::Refusal;
@@ -35,7 +39,15 @@ async fn admit(
     next: Next,
 ) -> Result<Response, Refusal> {
     check_headers(&request, edge.limits.header_bytes)?;
-    check_origin(request.headers())?;
+    check_origin(request.headers(), &edge.written.server.cors_origins)?;
+    let asked = Asked {
+        transport: Transport::Http,
+        rule: route.map(|route| rule(request.method().as_str(), route)),
+        headers: request.headers(),
+        peer: request.extensions().get::<Peer>().map(|peer| peer.0.ip()),
+    };
+    let admitted = edge.entrance.gate.admit(&asked)?;
+    tracing::Span::current().record("client", &*admitted.client);
     let patience = patience(request.headers(), edge.limits.request_time)?;
     // Probes and metrics must answer when nothing else does.
     let _place = match route {
@@ -49,7 +61,18 @@ async fn admit(
         }
         _ => None,
     };
-    tokio::time::timeout(patience, next.run(request)).await.map_err(|_| late(patience))
+    let answer = tokio::time::timeout(patience, next.run(request)).await;
+    let answer = answer.map_err(|_| late(patience))?;
+    Ok(match admitted.place {
+        None => answer,
+        // The place of a stream is given back with its end.
+        Some(place) => answer.map(|body| {
+            Body::new(body.map_frame(move |frame| {
+                let _held = &place;
+                frame
+            }))
+        }),
+    })
 }
 
 fn late(patience: Duration) -> Refusal {
@@ -67,10 +90,13 @@ fn check_headers(request: &Request, limit: usize) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Refuses what a page of another site makes a browser send: it could empty a map behind its user's
-/// back, as long as nobody has to say who they are.
-fn check_origin(headers: &HeaderMap) -> Result<(), Refusal> {
+/// Refuses what a page of another site makes a browser send, unless it is one of `origins`: it could
+/// empty a map behind its user's back, as long as nobody has to say who they are.
+fn check_origin(headers: &HeaderMap, origins: &[String]) -> Result<(), Refusal> {
     let Some(origin) = headers.get(header::ORIGIN) else { return Ok(()) };
+    if origins.iter().any(|known| known.as_bytes() == origin.as_bytes()) {
+        return Ok(());
+    }
     let site = origin.to_str().ok().and_then(|origin| origin.split_once("://"));
     let host = headers.get(header::HOST).and_then(|host| host.to_str().ok());
     match site {
@@ -107,8 +133,9 @@ mod tests {
             let origin = origin.map(|origin| (header::ORIGIN, origin));
             let headers = host.into_iter().chain(origin);
             let headers = headers.map(|(name, text)| (name, HeaderValue::from_static(text)));
-            check_origin(&headers.collect()).is_ok()
+            check_origin(&headers.collect(), &["https://maps.example".into()]).is_ok()
         };
+        assert!(asks(Some("https://maps.example")) && !asks(Some("http://maps.example")));
         assert!(asks(None) && asks(Some("http://127.0.0.1:7611")));
         for other in ["http://evil.example", "null", "", "http://127.0.0.1:8000"] {
             assert!(!asks(Some(other)), "{other}");

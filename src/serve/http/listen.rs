@@ -3,26 +3,31 @@
 use std::net::SocketAddr;
 use std::pin::{Pin, pin};
 use std::sync::Arc;
-use std::time::Duration;
 
 use axum::Router;
+use hyper::Request;
+use hyper::body::Incoming;
 use hyper::server::conn::http1;
+use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::service::TowerToHyperService;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
-use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::net::TcpListener;
+use tokio::sync::{Semaphore, watch};
 use tokio::task::{JoinHandle, JoinSet};
 
+use tower_service::Service as _;
+
+use super::super::access::Transport;
 use super::super::calls::Calls;
+use super::super::connection::Connection;
+use super::super::entrance::{ACCEPT_PAUSE, Entrance, accept_one};
 use super::super::zenoh::Tally;
 use super::limits::Limits;
 use super::stall::Stall;
 use super::{Edge, router};
+use crate::config::ServerConfig;
 use crate::service::Service;
 
-/// A pause when the system has no more sockets: they come back as connections end.
-const ACCEPT_PAUSE: Duration = Duration::from_millis(50);
 /// Headers of a request, in number.
 const MAX_HEADERS: usize = 100;
 /// Read at a time. Headers that do not fit are refused before a handler sees them.
@@ -37,18 +42,20 @@ pub struct Door {
 }
 
 impl Door {
-    /// Starts to answer on `listener`, within a runtime. `max_points` and `max_pixels` bound bodies.
-    pub fn open(
+    /// Starts to answer on `listener`, within a runtime. The settings bound bodies and say whose pages
+    /// may ask.
+    pub(in crate::serve) fn open(
         listener: TcpListener,
-        max_points: usize,
-        max_pixels: usize,
+        config: &ServerConfig,
+        entrance: Arc<Entrance>,
     ) -> std::io::Result<Self> {
-        Self::within(listener, Limits::new(max_points, max_pixels))
+        let limits = Limits::new(config.max_points, config.max_pixels);
+        Self::within(listener, Edge::new(limits, entrance, config.written.clone()))
     }
 
-    pub(super) fn within(listener: TcpListener, limits: Limits) -> std::io::Result<Self> {
+    pub(super) fn within(listener: TcpListener, edge: Edge) -> std::io::Result<Self> {
         let address = listener.local_addr()?;
-        let edge = Arc::new(Edge::new(limits));
+        let edge = Arc::new(edge);
         let (close, closing) = watch::channel(false);
         let task = tokio::spawn(accept(listener, edge.clone(), closing));
         Ok(Self { address, edge, close, task })
@@ -92,7 +99,8 @@ impl Drop for Door {
 
 /// Accepts connections until `closing`, then ends them. Dropping it drops them.
 async fn accept(listener: TcpListener, edge: Arc<Edge>, mut closing: watch::Receiver<bool>) {
-    let (limits, router) = (edge.limits.clone(), router(edge));
+    let (limits, entrance) = (edge.limits.clone(), edge.entrance.clone());
+    let router = router(edge);
     let places = Arc::new(Semaphore::new(limits.connections));
     let mut connections = JoinSet::new();
     loop {
@@ -103,11 +111,13 @@ async fn accept(listener: TcpListener, edge: Arc<Edge>, mut closing: watch::Rece
         };
         match accepted {
             Ok((stream, place)) => {
-                let (router, limits) = (router.clone(), limits.clone());
-                let connection = serve(stream, router, limits, closing.clone());
+                let (router, limits, closing) = (router.clone(), limits.clone(), closing.clone());
+                let entrance = entrance.clone();
                 connections.spawn(async move {
-                    connection.await;
-                    drop(place);
+                    let entered = entrance.enter(Transport::Http, stream, place).await;
+                    if let Some(connection) = entered {
+                        serve(connection, router, limits, closing).await;
+                    }
                 });
             }
             Err(error) => {
@@ -123,30 +133,25 @@ async fn accept(listener: TcpListener, edge: Arc<Edge>, mut closing: watch::Rece
     }
 }
 
-async fn accept_one(
-    listener: &TcpListener,
-    places: &Arc<Semaphore>,
-) -> std::io::Result<(TcpStream, OwnedSemaphorePermit)> {
-    let place = places.clone().acquire_owned().await.map_err(std::io::Error::other)?;
-    let (stream, _) = listener.accept().await?;
-    stream.set_nodelay(true)?;
-    Ok((stream, place))
-}
-
 /// One connection: requests in turn until either side ends it.
 async fn serve(
-    stream: TcpStream,
+    stream: Connection,
     router: Router,
     limits: Limits,
     mut closing: watch::Receiver<bool>,
 ) {
+    let peer = stream.peer();
+    let answer = service_fn(move |mut request: Request<Incoming>| {
+        request.extensions_mut().insert(peer);
+        router.clone().call(request)
+    });
     let io = TokioIo::new(Stall::new(stream, limits.write_time));
     let mut connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(limits.header_time)
         .max_headers(MAX_HEADERS)
         .max_buf_size(BUFFER_BYTES)
-        .serve_connection(io, TowerToHyperService::new(router));
+        .serve_connection(io, answer);
     let ended = {
         let mut closing = pin!(closing.wait_for(|closing| *closing));
         let mut told = false;
@@ -167,7 +172,7 @@ async fn serve(
 
 /// Closes our side and reads what the other still sends. A socket that is closed with unread bytes
 /// resets the connection, and a client that is busy sending would never see why it was refused.
-async fn linger(mut stream: TcpStream, limits: &Limits) {
+async fn linger(mut stream: Connection, limits: &Limits) {
     let rest = async {
         stream.shutdown().await?;
         let mut rest = stream.take(limits.linger_bytes as u64);
@@ -175,19 +180,4 @@ async fn linger(mut stream: TcpStream, limits: &Limits) {
     };
     // Whoever has not ended by then is cut off.
     let _ = tokio::time::timeout(limits.linger_time, rest).await;
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[tokio::test]
-    async fn small_answers_are_not_held_back() {
-        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
-        let address = listener.local_addr().expect("an address");
-        let _client = TcpStream::connect(address).await.expect("a connection");
-        let places = Arc::new(Semaphore::new(1));
-        let (accepted, _place) = accept_one(&listener, &places).await.expect("a connection");
-        assert!(accepted.nodelay().expect("an option of the socket"));
-    }
 }

@@ -24,6 +24,7 @@ pub(super) fn page(edge: &Edge) -> String {
         maps(&mut page, service);
     }
     requests(&mut page, edge);
+    refusals(&mut page, edge);
     page.text
 }
 
@@ -125,6 +126,23 @@ fn requests(page: &mut Page, edge: &Edge) {
     page.family(name, "histogram", "From a request's headers to its answer's.");
     for route in all.iter().filter(|route| route.times.count() > 0) {
         page.histogram(name, &[("route", route.route)], &route.times);
+    }
+}
+
+/// Who did not get in, and how much those with keys ask.
+fn refusals(page: &mut Page, edge: &Edge) {
+    let gate = &edge.entrance.gate;
+    let name = "orenx_refused_total";
+    let help = "Refused before anyone looked at what was asked: for want of a key or of its role, by \
+                the limits of a client, for want of TLS, or silent for too long.";
+    page.family(name, "counter", help);
+    for (transport, why, count) in gate.refusals.read() {
+        page.sample(name, &[("transport", transport), ("reason", why)], count);
+    }
+    let name = "orenx_client_requests_total";
+    page.family(name, "counter", "Requests within the limits, by the key that they came with.");
+    for (client, count) in gate.requests() {
+        page.sample(name, &[("client", client)], count);
     }
 }
 

@@ -1,6 +1,7 @@
 //! The HTTP edge: the verbs of `service` in JSON, raw numbers and images, probes, metrics, and the
 //! document that describes them.
 
+mod admin;
 mod body;
 mod dashboard;
 mod events;
@@ -22,35 +23,46 @@ mod points;
 mod probes;
 mod refusal;
 mod requests;
+mod routes;
 mod schemas;
 mod slices;
 mod spheres;
+mod sse;
 mod stall;
 mod voxels;
+mod watches;
 
 use std::sync::{Arc, OnceLock};
+use std::time::Duration;
 
 use axum::extract::{FromRequestParts, Path};
 use axum::http::request::Parts;
-use axum::http::{HeaderValue, Method, Uri, header};
+use axum::http::{HeaderName, HeaderValue, Method, Uri, header};
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
 use axum::{Router, middleware};
 use bytes::Bytes;
 use serde::Serialize;
 use tokio::sync::{Semaphore, watch};
+use tower_http::cors::{Any as AnyHeader, CorsLayer};
 
 pub(crate) use self::found::Found;
 
+use super::access::{KEY_HEADER, Transport};
 use super::calls::Calls;
+use super::entrance::Entrance;
+use super::request_id::{GIVEN as GIVEN_ID, Naming};
 use super::zenoh::Tally;
+use crate::config::Settings;
 use crate::error::Error;
 use crate::service::Service;
 use limits::Limits;
 pub use listen::Door;
 use refusal::Refusal;
 use requests::Requests;
+use routes::{ROUTES, routed};
 
+/// How long a browser may keep what it was told of who may ask.
+const PREFLIGHT: Duration = Duration::from_secs(600);
 const JSON: HeaderValue = HeaderValue::from_static("application/json");
 
 /// What all requests share.
@@ -68,6 +80,9 @@ struct Edge {
     /// Places of those who listen to events.
     listeners: Arc<Semaphore>,
     limits: Limits,
+    pub(super) entrance: Arc<Entrance>,
+    /// All settings, for who asks for them.
+    written: Arc<Settings>,
     /// Places of requests, and memory of their bodies.
     places: Semaphore,
     memory: Arc<Semaphore>,
@@ -76,7 +91,7 @@ struct Edge {
 }
 
 impl Edge {
-    fn new(limits: Limits) -> Self {
+    fn new(limits: Limits, entrance: Arc<Entrance>, written: Arc<Settings>) -> Self {
         Self {
             service: OnceLock::new(),
             calls: OnceLock::new(),
@@ -89,6 +104,8 @@ impl Edge {
             requests: Requests::default(),
             openapi: openapi::document(&limits),
             limits,
+            entrance,
+            written,
         }
     }
 
@@ -128,90 +145,41 @@ impl Edge {
     }
 }
 
-/// Every path, for the counters and for the tests of the document.
-const ROUTES: [&str; 28] = [
-    "/",
-    "/healthz",
-    "/livez",
-    "/readyz",
-    "/metrics",
-    "/openapi.json",
-    "/v1/maps",
-    "/v1/maps/{map}",
-    "/v1/maps/{map}/stats",
-    "/v1/maps/{map}/reset",
-    "/v1/maps/{map}/query/points",
-    "/v1/maps/{map}/render",
-    "/v1/maps/{map}/query/text",
-    "/v1/maps/{map}/query/embedding",
-    "/v1/maps/{map}/classify",
-    "/v1/maps/{map}/encoders",
-    "/v1/maps/{map}/query/spheres",
-    "/v1/maps/{map}/query/trajectories",
-    "/v1/maps/{map}/query/rays",
-    "/v1/maps/{map}/query/nearest",
-    "/v1/maps/{map}/grid",
-    "/v1/maps/{map}/slice.png",
-    "/v1/maps/{map}/slice.json",
-    "/v1/maps/{map}/slice.bin",
-    "/assets/{file}",
-    "/v1/events",
-    "/v1/maps/{map}/mesh/pieces",
-    "/v1/maps/{map}/mesh.ply",
-];
-
 fn router(edge: Arc<Edge>) -> Router {
-    let [root, healthz, livez, readyz, metrics, openapi, rest @ ..] = ROUTES;
-    let [
-        maps,
-        map,
-        stats,
-        reset,
-        points,
-        render,
-        text,
-        embedding,
-        classify,
-        encoders,
-        planners @ ..,
-    ] = rest;
-    let [clear, trajectories, rays, nearest, grid, png, numbers, bin, pages @ ..] = planners;
-    let [asset, events, pieces, ply] = pages;
-    Router::new()
-        .route(root, get(dashboard::root))
-        .route(healthz, get(probes::healthy))
-        .route(livez, get(probes::alive))
-        .route(readyz, get(probes::ready))
-        .route(metrics, get(probes::metrics))
-        .route(openapi, get(probes::openapi))
-        .route(maps, get(maps::list))
-        .route(map, get(maps::detail).put(maps::create).delete(maps::delete))
-        .route(stats, get(maps::stats))
-        .route(reset, post(maps::reset))
-        .route(points, post(points::query))
-        .route(render, post(images::render))
-        .route(text, post(language::text))
-        .route(embedding, post(language::embedding))
-        .route(classify, post(language::classify))
-        .route(encoders, get(language::encoders))
-        .route(clear, post(spheres::spheres))
-        .route(trajectories, post(planner::trajectories))
-        .route(rays, post(planner::rays))
-        .route(nearest, post(planner::nearest))
-        .route(grid, post(voxels::grid))
-        .route(png, get(slices::png))
-        .route(numbers, get(slices::json))
-        .route(bin, get(slices::bin))
-        .route(asset, get(dashboard::asset))
-        .route(events, get(events::events))
-        .route(pieces, get(pieces::pieces))
-        .route(ply, get(pieces::ply))
+    let cors = cors(&edge.written.server.cors_origins);
+    let router = routed()
         .fallback(|uri: Uri| async move { Refusal::no_route(uri.path()) })
         .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
             Refusal::wrong_method(method, uri.path())
         })
-        .layer(middleware::from_fn_with_state(edge.clone(), guard::guard))
-        .with_state(edge)
+        .layer(middleware::from_fn_with_state(edge.clone(), guard::guard));
+    // What comes last is passed first.
+    let router = match cors {
+        Some(cors) => router.layer(cors),
+        None => router,
+    };
+    router.layer(Naming::new(Transport::Http)).with_state(edge)
+}
+
+/// What browsers are told of other sites' pages, if any may ask.
+fn cors(origins: &[String]) -> Option<CorsLayer> {
+    let origins: Vec<HeaderValue> = origins.iter().filter_map(|site| site.parse().ok()).collect();
+    let may_send = [
+        header::ACCEPT,
+        header::AUTHORIZATION,
+        header::CONTENT_TYPE,
+        HeaderName::from_static(KEY_HEADER),
+        HeaderName::from_static(guard::TIMEOUT),
+        HeaderName::from_static(GIVEN_ID),
+    ];
+    (!origins.is_empty()).then(|| {
+        CorsLayer::new()
+            .allow_origin(origins)
+            .allow_methods([Method::GET, Method::POST, Method::PUT, Method::DELETE])
+            .allow_headers(may_send)
+            .expose_headers(AnyHeader)
+            .max_age(PREFLIGHT)
+    })
 }
 
 /// The map that a path names.

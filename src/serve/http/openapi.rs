@@ -4,13 +4,17 @@ use std::collections::BTreeMap;
 
 use bytes::Bytes;
 use serde_json::{Value, json};
+use utoipa::openapi::security::{
+    ApiKey, ApiKeyValue, HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme,
+};
 use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
-use utoipa::{IntoParams, IntoResponses, OpenApi, ToSchema};
+use utoipa::{IntoParams, IntoResponses, Modify, OpenApi, ToSchema};
 
+use super::super::access::{KEY_HEADER, Needs, rule};
 use super::limits::Limits;
 use super::{
-    dashboard, events, images, language, maps, pieces, planner, points, probes, refusal, slices,
-    spheres, voxels,
+    admin, dashboard, events, images, language, maps, pieces, planner, points, probes, refusal,
+    slices, spheres, voxels, watches,
 };
 
 #[derive(OpenApi)]
@@ -19,16 +23,20 @@ use super::{
         and what is where, in words. \
         Metres, seconds, world axes with z up; distance positive in free space. Every error is \
         JSON of one shape. A client that waits no longer than so many milliseconds says it in the \
-        header `orenx-timeout-ms`, with any request."),
+        header `orenx-timeout-ms`, with any request. Every answer has a name in the header \
+        `orenx-request-id`, the client's own if it sent a sane `x-request-id`."),
     servers((url = "/")),
     paths(
-        dashboard::root, dashboard::asset, events::events, pieces::pieces, pieces::ply, probes::healthy, probes::alive, probes::ready, probes::metrics,
-        probes::openapi, maps::list, maps::detail, maps::create, maps::delete, maps::stats, maps::reset, points::query,
+        dashboard::root, dashboard::asset, events::events, pieces::pieces, pieces::ply,
+        probes::healthy, probes::alive, probes::ready, probes::metrics,
+        probes::openapi, admin::config, admin::log, maps::list, maps::detail, maps::create, maps::delete, maps::stats, maps::reset, points::query,
         images::render, language::text, language::embedding, language::classify,
         language::encoders, spheres::spheres, planner::trajectories, planner::rays,
-        planner::nearest, voxels::grid, slices::png, slices::json, slices::bin
+        planner::nearest, voxels::grid, slices::png, slices::json, slices::bin,
+        watches::region, watches::trajectories
     ),
     components(schemas(refusal::ErrorReply)),
+    modifiers(&Keys),
     tags(
         (name = "server", description = "Who is there, and is it well?"),
         (name = "maps", description = "Which maps there are and how they are."),
@@ -39,6 +47,45 @@ use super::{
     )
 )]
 struct Document;
+
+/// How a client says who it is, where the server wants to know.
+struct Keys;
+
+impl Modify for Keys {
+    fn modify(&self, document: &mut utoipa::openapi::OpenApi) {
+        let api_key = SecurityScheme::ApiKey(ApiKey::Header(ApiKeyValue::with_description(
+            KEY_HEADER,
+            "A key of the server's settings; its role says what it is good for.",
+        )));
+        let bearer =
+            SecurityScheme::Http(HttpBuilder::new().scheme(HttpAuthScheme::Bearer).build());
+        let components = document.components.get_or_insert_default();
+        components.add_security_scheme("api_key", api_key);
+        components.add_security_scheme("bearer", bearer);
+        for (path, item) in &mut document.paths.paths {
+            let operations = [
+                ("GET", &mut item.get),
+                ("POST", &mut item.post),
+                ("PUT", &mut item.put),
+                ("DELETE", &mut item.delete),
+            ];
+            for (method, operation) in operations {
+                let Some(operation) = operation else { continue };
+                let is_open = rule(method, path).needs == Needs::Nothing;
+                let none: [String; 0] = [];
+                // A server without keys asks for none.
+                operation.security = Some(match is_open {
+                    true => vec![],
+                    false => vec![
+                        SecurityRequirement::new("api_key", none.clone()),
+                        SecurityRequirement::new("bearer", none),
+                        SecurityRequirement::default(),
+                    ],
+                });
+            }
+        }
+    }
+}
 
 /// The document of a server with these limits, as JSON.
 pub(super) fn document(limits: &Limits) -> Bytes {
@@ -134,7 +181,7 @@ pub(super) struct MapRefusals;
 
 impl IntoResponses for MapRefusals {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        refusals(&[404, 429])
+        refusals(&[404])
     }
 }
 
@@ -143,7 +190,16 @@ pub(super) struct ChangeRefusals;
 
 impl IntoResponses for ChangeRefusals {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        refusals(&[404, 408, 409, 413, 429])
+        refusals(&[404, 408, 409, 413])
+    }
+}
+
+/// What may be answered instead of a change of the log.
+pub(super) struct LogRefusals;
+
+impl IntoResponses for LogRefusals {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        refusals(&[408, 409, 413])
     }
 }
 
@@ -152,7 +208,7 @@ pub(super) struct PointRefusals;
 
 impl IntoResponses for PointRefusals {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        refusals(&[404, 406, 408, 409, 413, 415, 429])
+        refusals(&[404, 406, 408, 409, 413, 415])
     }
 }
 
@@ -161,12 +217,12 @@ pub(super) struct ImageRefusals;
 
 impl IntoResponses for ImageRefusals {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        refusals(&[404, 406, 408, 409, 413, 415, 429])
+        refusals(&[404, 406, 408, 409, 413, 415])
     }
 }
 
 fn refusals(statuses: &[u16]) -> BTreeMap<String, RefOr<Response>> {
-    let everywhere = [400, 403, 431, 500, 503, 504];
+    let everywhere = [400, 401, 403, 429, 431, 500, 503, 504];
     let named = |status: &u16| {
         let content =
             ContentBuilder::new().schema(Some(Ref::from_schema_name("ErrorReply"))).build();
@@ -182,7 +238,8 @@ fn refusals(statuses: &[u16]) -> BTreeMap<String, RefOr<Response>> {
 fn meaning(status: u16) -> &'static str {
     match status {
         400 => "INVALID_ARGUMENT: the field and the limit that it broke are in the message.",
-        403 => "PERMISSION_DENIED: a page of another site asks.",
+        401 => "UNAUTHENTICATED: the server wants a key, and there is none, or none of its own.",
+        403 => "PERMISSION_DENIED: the key is of another role, or a page of another site asks.",
         404 => "NOT_FOUND: no such map.",
         406 => "NOT_ACCEPTABLE: there is no answer in the form that `accept` asks for.",
         408 => "REQUEST_TIMEOUT: the body did not arrive in time.",
@@ -192,7 +249,7 @@ fn meaning(status: u16) -> &'static str {
         }
         413 => "PAYLOAD_TOO_LARGE: more than the largest question takes, by `server.max_points`.",
         415 => "UNSUPPORTED_MEDIA_TYPE: the body is none of the forms that are read here.",
-        429 => "RESOURCE_EXHAUSTED: a bound was reached; try again later.",
+        429 => "RESOURCE_EXHAUSTED: a bound was reached; try again after `retry-after` seconds.",
         431 => "HEADERS_TOO_LARGE.",
         503 => "UNAVAILABLE: the server is starting or stopping.",
         504 => "DEADLINE_EXCEEDED: no answer within `orenx-timeout-ms`.",

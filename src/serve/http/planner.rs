@@ -22,7 +22,9 @@ use super::refusal::Refusal;
 use super::{Edge, JSON, MapId, schemas};
 use crate::error::Error;
 use crate::map::{PathPlace, PathVerdict, Waypoint};
-use crate::service::{Answered, Call, NearestQuestion, RaysQuestion, TrajectoriesQuestion};
+use crate::service::{
+    Answered, Call, NearestQuestion, RaysQuestion, TrajectoriesQuestion, TrajectoriesReply,
+};
 use crate::wire::Columns;
 
 /// About what a row takes in a JSON answer, bytes.
@@ -185,33 +187,45 @@ pub(super) async fn trajectories(
     service.map_detail(&map_id)?;
     Media::json_body(request.headers())?;
     let (request, share): (TrajectoriesRequest, Share) = read(&edge, request).await?;
-    let options = Options {
-        frame_id: request.frame_id,
-        min_epoch: request.min_epoch,
-        max_age_ms: request.max_age_ms,
-        unknown_policy: request.unknown_policy,
-        unknown_distance_m: request.unknown_distance_m,
-        ..Options::default()
-    };
-    options.check()?;
-    let lengths: Vec<u32> = request.trajectories.iter().map(|poses| poses.len() as u32).collect();
-    let poses: Vec<Waypoint> = bytemuck::cast_vec(request.trajectories.concat());
-    let question = TrajectoriesQuestion {
-        terms: options.terms(map_id),
-        body: bytemuck::cast_vec(request.spheres_m),
-        poses,
-        lengths,
-        margin_m: request.margin_m.unwrap_or_default(),
-        swept: request.swept.unwrap_or_default(),
-    };
+    let question = request.question(map_id)?;
     let reply = service.check_trajectories(question, Call::HttpCheckTrajectories).await?;
-    written(reply.answer.len(), share, move || TrajectoriesAnswer {
-        epoch: reply.epoch,
-        newest_stamp_ns: reply.newest_stamp_ns,
-        server_us: reply.spent.as_micros() as u64,
-        trajectories: reply.answer.into_iter().map(Verdict::from).collect(),
-    })
-    .await
+    written(reply.answer.len(), share, move || TrajectoriesAnswer::from(reply)).await
+}
+
+impl TrajectoriesRequest {
+    /// What is asked of a map.
+    pub(super) fn question(self, map_id: String) -> Result<TrajectoriesQuestion, Refusal> {
+        let options = Options {
+            frame_id: self.frame_id,
+            min_epoch: self.min_epoch,
+            max_age_ms: self.max_age_ms,
+            unknown_policy: self.unknown_policy,
+            unknown_distance_m: self.unknown_distance_m,
+            ..Options::default()
+        };
+        options.check()?;
+        let lengths: Vec<u32> = self.trajectories.iter().map(|poses| poses.len() as u32).collect();
+        let poses: Vec<Waypoint> = bytemuck::cast_vec(self.trajectories.concat());
+        Ok(TrajectoriesQuestion {
+            terms: options.terms(map_id),
+            body: bytemuck::cast_vec(self.spheres_m),
+            poses,
+            lengths,
+            margin_m: self.margin_m.unwrap_or_default(),
+            swept: self.swept.unwrap_or_default(),
+        })
+    }
+}
+
+impl From<TrajectoriesReply> for TrajectoriesAnswer {
+    fn from(reply: TrajectoriesReply) -> Self {
+        Self {
+            epoch: reply.epoch,
+            newest_stamp_ns: reply.newest_stamp_ns,
+            server_us: reply.spent.as_micros() as u64,
+            trajectories: reply.answer.into_iter().map(Verdict::from).collect(),
+        }
+    }
 }
 
 impl From<PathVerdict> for Verdict {

@@ -10,8 +10,8 @@ use utoipa::ToSchema;
 use crate::error::Error;
 use crate::wire::Codes;
 
-/// Seconds after which a client may try again what failed for now.
-const RETRY_AFTER_S: HeaderValue = HeaderValue::from_static("1");
+/// How a client may say who it is.
+const BEARER: HeaderValue = HeaderValue::from_static("Bearer");
 
 /// Why there is no answer.
 #[derive(Debug)]
@@ -20,6 +20,8 @@ pub(super) struct Refusal {
     code: &'static str,
     field: Option<String>,
     message: String,
+    /// When a client may try again what failed for now, s.
+    retry_after_s: u64,
 }
 
 /// What every error looks like.
@@ -45,7 +47,7 @@ struct Problem {
 impl Refusal {
     /// A failure that only HTTP has.
     pub(super) fn new(status: StatusCode, code: &'static str, message: impl Into<String>) -> Self {
-        Self { status, code, field: None, message: message.into() }
+        Self { status, code, field: None, message: message.into(), retry_after_s: 1 }
     }
 
     /// The same, about one input.
@@ -79,21 +81,35 @@ impl From<Error> for Refusal {
         let message = error.to_string();
         let field = error.field().map(str::to_owned);
         let status = StatusCode::from_u16(codes.http).unwrap_or(StatusCode::INTERNAL_SERVER_ERROR);
-        Self { status, code: codes.name, field, message }
+        // Whole seconds are all that the header knows.
+        let retry_after_s =
+            error.retry_after().map_or(1, |wait| wait.as_millis().div_ceil(1000) as u64);
+        Self { status, code: codes.name, field, message, retry_after_s: retry_after_s.max(1) }
+    }
+}
+
+impl Refusal {
+    /// What it looks like.
+    pub(super) fn json(&self) -> Vec<u8> {
+        let Self { code, field, message, .. } = self;
+        let (field, message) = (field.clone(), message.clone());
+        // Strings always serialise.
+        serde_json::to_vec(&ErrorReply { error: Problem { code, field, message } })
+            .unwrap_or_default()
     }
 }
 
 impl IntoResponse for Refusal {
     fn into_response(self) -> Response {
-        let Self { status, code, field, message } = self;
-        // Strings always serialise.
-        let reply = ErrorReply { error: Problem { code, field, message } };
-        let body = serde_json::to_vec(&reply).unwrap_or_default();
-        let mut response = (status, body).into_response();
+        let (status, retry_after_s) = (self.status, self.retry_after_s);
+        let mut response = (status, self.json()).into_response();
         let headers = response.headers_mut();
         headers.insert(header::CONTENT_TYPE, super::JSON);
         if matches!(status, StatusCode::TOO_MANY_REQUESTS | StatusCode::SERVICE_UNAVAILABLE) {
-            headers.insert(header::RETRY_AFTER, RETRY_AFTER_S);
+            headers.insert(header::RETRY_AFTER, HeaderValue::from(retry_after_s));
+        }
+        if status == StatusCode::UNAUTHORIZED {
+            headers.insert(header::WWW_AUTHENTICATE, BEARER);
         }
         response
     }

@@ -9,17 +9,22 @@ use super::ROUTES;
 use crate::telemetry::{Distribution, Histogram};
 
 /// The statuses that there are. The client of a 499 left before its answer, as nginx has it.
-const STATUSES: [u16; 17] =
-    [200, 201, 304, 400, 403, 404, 405, 406, 408, 409, 413, 415, 429, 431, 499, 503, 504];
+const STATUSES: [u16; 18] =
+    [200, 201, 304, 400, 401, 403, 404, 405, 406, 408, 409, 413, 415, 429, 431, 499, 503, 504];
 /// Everything else.
 const OTHER: usize = STATUSES.len();
 const CLIENT_LEFT: u16 = 499;
 
 /// Counters of one port.
-#[derive(Default)]
 pub(super) struct Requests {
     /// One more than there are routes: for paths that are none.
     routes: [Route; ROUTES.len() + 1],
+}
+
+impl Default for Requests {
+    fn default() -> Self {
+        Self { routes: std::array::from_fn(|_| Route::default()) }
+    }
 }
 
 #[derive(Default)]

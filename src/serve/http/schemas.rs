@@ -275,3 +275,22 @@ pub(super) fn max_unknown() -> Schema {
 pub(super) fn voxel() -> Schema {
     within(0.001, 100.0).description(Some("Edge of a voxel, m.")).into()
 }
+
+pub(super) fn min_interval() -> Schema {
+    let text = "Events are at least this far apart, ms; 100 by default.";
+    integer_or_null().maximum(Some(3_600_000)).description(Some(text)).into()
+}
+
+pub(super) fn tolerance() -> Schema {
+    let text = "A brick is told again once a distance in it changed by more than this, m, or a state. \
+                Left out or 0: any change.";
+    let tolerance = number(&[Type::Null]).minimum(Some(0.0)).maximum(Some(10.0));
+    tolerance.description(Some(text)).into()
+}
+
+pub(super) fn clearance_drop() -> Schema {
+    let text = "An event also when the least clearance of a trajectory fell by more than this since the \
+                last event, m. Left out or 0: not.";
+    let drop = number(&[Type::Null]).minimum(Some(0.0)).maximum(Some(10.0));
+    drop.description(Some(text)).into()
+}

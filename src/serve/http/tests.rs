@@ -7,6 +7,7 @@ use serde_json::Value;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 
+use super::super::access;
 use super::*;
 use crate::config::{MapConfig, MapSettings, ServerConfig, Settings};
 use crate::service::Mappers;
@@ -23,7 +24,8 @@ async fn open(change: impl FnOnce(&mut Limits)) -> (Door, Mappers) {
     let mut limits = Limits::new(POINTS, 4_000_000);
     change(&mut limits);
     let listener = TcpListener::bind("127.0.0.1:0").await.expect("a port");
-    let door = Door::within(listener, limits).expect("open");
+    let edge = Edge::new(limits, Arc::new(Entrance::open()), Arc::new(settings));
+    let door = Door::within(listener, edge).expect("open");
     door.serve(service, Arc::default(), None);
     (door, engine)
 }
@@ -134,6 +136,8 @@ fn the_document_has_every_route_and_no_other() {
     for (path, operations) in paths {
         for (method, operation) in operations.as_object().expect("operations") {
             assert!(["get", "post", "put", "delete"].contains(&method.as_str()), "{method} {path}");
+            let row = access::place(&method.to_uppercase(), path);
+            assert!(row.is_some(), "no row for {method} {path} in RULES: who may?");
             let responses = operation["responses"].as_object().expect("responses");
             for (status, response) in
                 responses.iter().filter(|(status, _)| !status.starts_with('2'))

@@ -58,11 +58,17 @@ pub(super) struct GridRequest {
 #[derive(Debug, Clone, Copy, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 #[schema(as = GridRegion)]
-struct Region {
+pub(super) struct Region {
     #[schema(schema_with = schemas::corner)]
     min: Vec3,
     #[schema(schema_with = schemas::corner)]
     max: Vec3,
+}
+
+impl From<Region> for Aabb {
+    fn from(Region { min, max }: Region) -> Self {
+        Self { min, max }
+    }
 }
 
 /// Little-endian floats of four or two bytes.
@@ -139,7 +145,7 @@ pub(super) async fn grid(
     };
     let question = GridQuestion {
         terms: options.terms(map_id),
-        region: Aabb { min: request.region.min, max: request.region.max },
+        region: request.region.into(),
         voxel_m: request.voxel_m,
         fields: options.fields_or(Fields { state: true, ..Fields::DISTANCE }),
         format,

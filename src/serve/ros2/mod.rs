@@ -1,7 +1,9 @@
 //! The map as ROS 2 topics: grids for Nav2, a cloud of the surface, what the camera should see, and
-//! what words find. Nothing is worked out for topics that nobody listens to.
+//! what words find. Nothing is worked out for topics that nobody listens to. And as a service, for
+//! planners that read nvblox.
 
 mod cloud;
+mod esdf;
 mod grid;
 mod picture;
 
@@ -12,7 +14,7 @@ use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::MissedTickBehavior;
 
-use crate::bus::{Bus, RobotNode, TopicPublisher, TopicSubscriber};
+use crate::bus::{Bus, RobotNode, RobotService, TopicPublisher, TopicSubscriber};
 use crate::config::{Ros2Config, Ros2Outputs};
 use crate::error::Result;
 use crate::ingest::RobotFrames;
@@ -32,6 +34,7 @@ pub(super) struct Robot {
     _frames: RobotFrames,
     _tasks: JoinSet<()>,
     _texts: Option<TopicSubscriber>,
+    _esdf: Option<RobotService>,
     _node: RobotNode,
 }
 
@@ -86,7 +89,13 @@ impl Robot {
             texts = Some(subscriber.await?);
             tasks.spawn(say_matches(source.clone(), waiting, publisher));
         }
-        Ok(Self { _frames: frames, _tasks: tasks, _texts: texts, _node: node })
+        let mut esdf = None;
+        if let Some(name) = &out.esdf {
+            let (service, requests) = esdf::declare(&node, &source, name).await?;
+            tasks.spawn(requests.answer(source, out.esdf_voxel_m));
+            esdf = Some(service);
+        }
+        Ok(Self { _frames: frames, _tasks: tasks, _texts: texts, _esdf: esdf, _node: node })
     }
 }
 

@@ -5,6 +5,7 @@ mod questions;
 mod said;
 mod tally;
 mod verbs;
+mod watches;
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;

@@ -13,6 +13,7 @@ use zenoh::query::{Query, Queryable};
 
 use super::Tally;
 use super::verbs::{Answer, answer, request_of};
+use super::watches::Watches;
 use crate::bus::{Bus, Slices, bus_error, check_encoding, encoding_of};
 use crate::error::{Error, Result};
 use crate::service::Service;
@@ -36,6 +37,7 @@ struct Desk {
     tally: Arc<Tally>,
     bus: Bus,
     map_id: String,
+    watches: Watches,
     places: Arc<Semaphore>,
     /// In KiB.
     memory: Arc<Semaphore>,
@@ -61,6 +63,7 @@ impl Questions {
             tally: tally.clone(),
             bus: bus.clone(),
             map_id: map_id.into(),
+            watches: Watches::new(bus, map_id),
             places: Arc::new(Semaphore::new(bus.config().max_queries)),
             memory: Arc::new(Semaphore::new(MEMORY_KIB)),
             runtime: Handle::current(),
@@ -85,6 +88,7 @@ impl Questions {
         if tokio::time::timeout(LAST_ANSWERS, desk.places.acquire_many(all)).await.is_err() {
             tracing::debug!("some answers were not ready within {LAST_ANSWERS:?}");
         }
+        desk.watches.close(LAST_ANSWERS).await;
     }
 }
 
@@ -140,7 +144,12 @@ impl Desk {
         if let (Some(encoding), Some(request)) = (query.encoding(), request_of(verb)) {
             check_encoding(encoding, request)?;
         }
-        let answering = answer(&self.service, &self.map_id, verb, Slices::of(payload));
+        let answering = async {
+            match self.watches.begin(&self.service, verb, Slices::of(payload)).await {
+                Some(begun) => begun,
+                None => answer(&self.service, &self.map_id, verb, Slices::of(payload)).await,
+            }
+        };
         let late = |_| Error::DeadlineExceeded(format!("no answer within {allowed:?}"));
         tokio::time::timeout(allowed, answering).await.map_err(late)?
     }

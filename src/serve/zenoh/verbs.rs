@@ -21,17 +21,20 @@ pub(super) struct Answer {
     pub(super) bytes: Vec<u8>,
 }
 
-/// The table: `verb: Request => Reply = how`. The map of a request is that of its key.
+/// The table: `verb: Request => Reply = how`; and, after it, the verbs that begin something. The map of
+/// a request is that of its key.
 macro_rules! verbs {
     (|$service:ident, $asked:ident, $started:ident|
-     $($verb:literal: $Request:ident => $Reply:ident = $answer:expr;)*) => {
+     $($verb:literal: $Request:ident => $Reply:ident = $answer:expr;)*
+     begin { $($begun:literal: $Begun:ident;)* }) => {
         /// Every verb.
-        pub(super) const VERBS: [&str; [$($verb),*].len()] = [$($verb),*];
+        pub(super) const VERBS: [&str; [$($verb,)* $($begun),*].len()] = [$($verb,)* $($begun),*];
 
         /// The kind of message that a verb is asked with; `None` if there is no such verb.
         pub(super) fn request_of(verb: &str) -> Option<&'static str> {
             match verb {
                 $($verb => Some(stringify!($Request)),)*
+                $($begun => Some(stringify!($Begun)),)*
                 _ => None,
             }
         }
@@ -86,6 +89,10 @@ verbs! { |service, asked, started|
         map_detail_to_wire(service.map_detail(&asked.map_id)?, started.elapsed());
     "stats": GetMapStatsRequest => GetMapStatsReply =
         map_stats_to_wire(service.map_stats(&asked.map_id)?, started.elapsed());
+    begin {
+        "watch_region": WatchRegionRequest;
+        "watch_trajectories": WatchTrajectoryRequest;
+    }
 }
 
 fn no_verb(verb: &str) -> Error {

@@ -40,8 +40,12 @@ pub fn region_question_to_wire(question: &RegionQuestion) -> v1::WatchRegionRequ
     }
 }
 
-/// The message of what changed.
-pub fn region_change_to_wire(shape: &GridShape, change: RegionChange) -> v1::WatchRegionReply {
+/// The message of what changed, the `seq`-th of its watch.
+pub fn region_change_to_wire(
+    shape: &GridShape,
+    seq: u64,
+    change: RegionChange,
+) -> v1::WatchRegionReply {
     let brick = |brick: RegionBrick| v1::RegionBrick {
         x: brick.at.x,
         y: brick.at.y,
@@ -56,6 +60,7 @@ pub fn region_change_to_wire(shape: &GridShape, change: RegionChange) -> v1::Wat
         bricks: change.answer.into_iter().map(brick).collect(),
         epoch: change.epoch,
         newest_stamp_ns: change.newest_stamp_ns,
+        seq,
     }
 }
 

@@ -159,6 +159,40 @@ fn what_goes_out_is_as_the_specification_has_it() {
 }
 
 #[test]
+fn services_are_as_their_definitions_have_them() {
+    let (min, size) = (Point { x: -1.0, y: -2.0, z: 0.25 }, Vector3 { x: 2.0, y: 1.5, z: 1.0 });
+    check!(
+        "esdf_request",
+        EsdfRequest {
+            update_esdf: true,
+            visualize_esdf: false,
+            use_aabb: true,
+            frame_id: "map".into(),
+            aabb_min_m: min,
+            aabb_size_m: size,
+            aabbs_to_clear_min_m: vec![Point { x: 0.5, y: 0.5, z: 0.5 }],
+            aabbs_to_clear_size_m: vec![Vector3 { x: 0.1, y: 0.2, z: 0.3 }],
+            spheres_to_clear_center_m: vec![Point { x: 3.0, y: 2.0, z: 1.0 }],
+            spheres_to_clear_radius_m: vec![0.125],
+        }
+    );
+    let dimension =
+        |label: &str, size, stride| ArrayDimension { label: label.into(), size, stride };
+    let dim = vec![dimension("x", 1, 4), dimension("y", 2, 4), dimension("z", 2, 2)];
+    let layout = ArrayLayout { dim, data_offset: 0 };
+    check!(
+        "esdf_response",
+        EsdfResponse {
+            header: header("map"),
+            origin_m: min,
+            voxel_size_m: 0.05,
+            esdf_and_gradients: FloatArray { layout, data: vec![0.5, -0.125, -1000.0, 2.0] },
+            success: true,
+        }
+    );
+}
+
+#[test]
 fn attachments_are_read_in_both_forms_and_written_in_the_new_one() {
     let expected = Attachment {
         sequence_number: 42,
@@ -209,17 +243,21 @@ fn read_as_all(payload: &[u8]) {
         message.transforms.iter().for_each(|t| drop(transform_from_message(t)));
     }
     let _ = (decode::<Text>(payload), decode::<PointCloud2<'_>>(payload));
+    let _ = decode::<EsdfRequest>(payload);
 }
 
 proptest! {
     /// Bytes of any kind are a message or an error, never a panic.
     #[test]
     fn damage_does_no_harm(
-        which in 0usize..6,
+        which in 0usize..7,
         damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..4),
         cut in any::<prop::sample::Index>(),
     ) {
-        let names = ["image", "compressed_image", "camera_info", "pose_stamped", "tf_message", "text"];
+        let names = [
+            "image", "compressed_image", "camera_info", "pose_stamped", "tf_message", "text",
+            "esdf_request",
+        ];
         let mut payload = golden(&format!("{}.le", names[which]));
         for (place, value) in damage {
             let place = place.index(payload.len());

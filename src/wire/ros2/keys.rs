@@ -1,4 +1,4 @@
-//! Where topics are on Zenoh, and the liveliness tokens that make an endpoint visible to
+//! Where topics and services are on Zenoh, and the liveliness tokens that make an endpoint visible to
 //! `ros2 topic list`: of zenoh-bridge-ros2dds, and of rmw_zenoh.
 
 use super::types::Type;
@@ -14,11 +14,12 @@ const RMW_QOS: &str = "::,10:,:,:,,";
 /// The bridge's: with a key or not, reliability (1: reliable), durability, history.
 const BRIDGE_QOS: &str = ":1::";
 
-/// What an endpoint does on its topic.
+/// What an endpoint does on its topic, or under its service's name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     Publisher,
     Subscriber,
+    Server,
 }
 
 impl Role {
@@ -26,11 +27,12 @@ impl Role {
         match self {
             Self::Publisher => "MP",
             Self::Subscriber => "MS",
+            Self::Server => "SS",
         }
     }
 }
 
-/// One of a node's publishers or subscribers.
+/// One of a node's publishers, subscribers or servers.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Endpoint<'a> {
     pub role: Role,
@@ -66,9 +68,11 @@ pub fn rmw_key(domain: u32, topic: &str, kind: &Type, hash: &str) -> Result<Stri
 
 /// The token of an endpoint behind the bridge. `key` is that of its topic.
 pub fn bridge_token(session: &str, role: Role, key: &str, kind: &Type) -> String {
-    let (role, key) = (role.code(), key.replace('/', SECTION));
+    let (code, key) = (role.code(), key.replace('/', SECTION));
     let kind = kind.name.replace('/', SECTION);
-    format!("@/{session}/@ros2_lv/{role}/{key}/{kind}/{BRIDGE_QOS}")
+    let token = format!("@/{session}/@ros2_lv/{code}/{key}/{kind}");
+    // Services have no qualities of their own.
+    if role == Role::Server { token } else { format!("{token}/{BRIDGE_QOS}") }
 }
 
 /// The token of a node of rmw_zenoh, in the root namespace.
@@ -143,12 +147,21 @@ mod tests {
             bridge_token("a1b2", Role::Subscriber, "bot1/tf", &Type::TF_MESSAGE),
             "@/a1b2/@ros2_lv/MS/bot1§tf/tf2_msgs§msg§TFMessage/:1::"
         );
+        let key = "nvblox_node/get_esdf_and_gradient";
+        assert_eq!(
+            bridge_token("a1b2", Role::Server, key, &Type::ESDF_SERVICE),
+            "@/a1b2/@ros2_lv/SS/nvblox_node§get_esdf_and_gradient/nvblox_msgs§srv§EsdfAndGradients"
+        );
+        let server = Endpoint { role: Role::Server, kind: Type::ESDF_SERVICE, ..endpoint };
+        let token = rmw_token(&token, 8, &server).expect("good");
+        assert!(token.contains("/8/SS/%/%/orenx/%orenx%grid/nvblox_msgs::srv::dds_::EsdfAndG"));
     }
 
     #[test]
     fn types_are_spelled_in_both_ways() {
         assert_eq!(Type::IMAGE.name, "sensor_msgs/msg/Image");
         assert_eq!(Type::IMAGE.dds_name, "sensor_msgs::msg::dds_::Image_");
+        assert_eq!(Type::ESDF_SERVICE.dds_name, "nvblox_msgs::srv::dds_::EsdfAndGradients_");
         assert!(Type::ALL.iter().all(|kind| kind.hash.len() == 71), "a hash is of 32 bytes");
     }
 }

@@ -137,6 +137,29 @@ pub struct MapMetaData {
     pub origin: PoseMessage,
 }
 
+/// `std_msgs/MultiArrayDimension`.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ArrayDimension {
+    pub label: String,
+    pub size: u32,
+    /// Numbers from one index of this dimension to the next, times its size.
+    pub stride: u32,
+}
+
+/// `std_msgs/MultiArrayLayout`.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct ArrayLayout {
+    pub dim: Vec<ArrayDimension>,
+    pub data_offset: u32,
+}
+
+/// `std_msgs/Float32MultiArray`.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct FloatArray {
+    pub layout: ArrayLayout,
+    pub data: Vec<f32>,
+}
+
 messages! {
     /// `std_msgs/String`.
     Text = STRING {
@@ -227,5 +250,29 @@ messages! {
         origin: Point,
         unknown_value: f32,
         data: Vec<f32>,
+    }
+
+    /// The request of `nvblox_msgs/EsdfAndGradients`, m.
+    EsdfRequest = ESDF_SERVICE {
+        update_esdf: bool,
+        visualize_esdf: bool,
+        use_aabb: bool,
+        frame_id: String,
+        aabb_min_m: Point,
+        aabb_size_m: Vector3,
+        aabbs_to_clear_min_m: Vec<Point>,
+        aabbs_to_clear_size_m: Vec<Vector3>,
+        spheres_to_clear_center_m: Vec<Point>,
+        spheres_to_clear_radius_m: Vec<f32>,
+    }
+
+    /// Its response: distances of voxels, z the fastest, m; -1000 where unknown. The origin is the low
+    /// corner of the low voxel.
+    EsdfResponse = ESDF_SERVICE {
+        header: Header,
+        origin_m: Point,
+        voxel_size_m: f32,
+        esdf_and_gradients: FloatArray,
+        success: bool,
     }
 }

@@ -20,9 +20,10 @@ pub use keys::{
     Endpoint, Role, Token, bridge_key, bridge_token, rmw_key, rmw_node_token, rmw_token,
 };
 pub use messages::{
-    CameraInfo, CompressedImage, DistanceMapSlice, Header, Image, MapMetaData, OccupancyGrid,
-    Point, PointCloud2, PointField, PoseMessage, PoseStamped, Quaternion, RegionOfInterest, Text,
-    TfMessage, Time, Transform, TransformStamped, Vector3,
+    ArrayDimension, ArrayLayout, CameraInfo, CompressedImage, DistanceMapSlice, EsdfRequest,
+    EsdfResponse, FloatArray, Header, Image, MapMetaData, OccupancyGrid, Point, PointCloud2,
+    PointField, PoseMessage, PoseStamped, Quaternion, RegionOfInterest, Text, TfMessage, Time,
+    Transform, TransformStamped, Vector3,
 };
 pub use poses::{Stamped, pose_from_message, transform_from_message};
 pub use types::{ANY_HASH, Message, NO_HASH, Type};

@@ -5,7 +5,10 @@ Run: python3 hashes.py. The hashes that are known from running systems are asser
 import hashlib
 import json
 
-IDS = {"int8": 2, "uint8": 3, "int32": 6, "uint32": 7, "float32": 10, "float64": 11, "bool": 15, "string": 17}
+IDS = {
+    "int8": 2, "uint8": 3, "char": 3, "int32": 6, "uint32": 7, "int64": 8, "float32": 10, "float64": 11,
+    "bool": 15, "string": 17,
+}
 
 DEFINITIONS = {
     "builtin_interfaces/msg/Time": "int32 sec, uint32 nanosec",
@@ -30,8 +33,38 @@ DEFINITIONS = {
     "nvblox_msgs/msg/DistanceMapSlice": "std_msgs/msg/Header header, float32 resolution, uint32 width, uint32 height, geometry_msgs/msg/Point origin, float32 unknown_value, float32[] data",
 }
 
+# Of the parts of services.
+DEFINITIONS |= {
+    "service_msgs/msg/ServiceEventInfo": "uint8 event_type, builtin_interfaces/msg/Time stamp, char[16] client_gid, int64 sequence_number",
+    "std_msgs/msg/MultiArrayDimension": "string label, uint32 size, uint32 stride",
+    "std_msgs/msg/MultiArrayLayout": "std_msgs/msg/MultiArrayDimension[] dim, uint32 data_offset",
+    "std_msgs/msg/Float32MultiArray": "std_msgs/msg/MultiArrayLayout layout, float32[] data",
+}
+
+# Requests and responses.
+SERVICES = {
+    "example_interfaces/srv/AddTwoInts": ("int64 a, int64 b", "int64 sum"),
+    "nvblox_msgs/srv/EsdfAndGradients": (
+        "bool update_esdf, bool visualize_esdf, bool use_aabb, string frame_id, "
+        "geometry_msgs/msg/Point aabb_min_m, geometry_msgs/msg/Vector3 aabb_size_m, "
+        "geometry_msgs/msg/Point[] aabbs_to_clear_min_m, geometry_msgs/msg/Vector3[] aabbs_to_clear_size_m, "
+        "geometry_msgs/msg/Point[] spheres_to_clear_center_m, float32[] spheres_to_clear_radius_m",
+        "std_msgs/msg/Header header, geometry_msgs/msg/Point origin_m, float32 voxel_size_m, "
+        "std_msgs/msg/Float32MultiArray esdf_and_gradients, bool success",
+    ),
+}
+
+for service, (request, response) in SERVICES.items():
+    DEFINITIONS |= {
+        f"{service}_Request": request,
+        f"{service}_Response": response,
+        f"{service}_Event": f"service_msgs/msg/ServiceEventInfo info, {service}_Request[<=1] request, {service}_Response[<=1] response",
+        service: f"{service}_Request request_message, {service}_Response response_message, {service}_Event event_message",
+    }
+
 # From running systems.
 KNOWN = {
+    "example_interfaces/srv/AddTwoInts": "e118de6bf5eeb66a2491b5bda11202e7b68f198d6f67922cf30364858239c81a",
     "std_msgs/msg/String": "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
     "sensor_msgs/msg/Image": "d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47",
     "sensor_msgs/msg/PointCloud2": "9198cabf7da3796ae6fe19c4cb3bdd3525492988c70522628af5daa124bae2b5",
@@ -43,7 +76,10 @@ def field(text):
     offset, capacity = 0, 0
     if kind.endswith("]"):
         kind, _, size = kind[:-1].partition("[")
-        offset, capacity = (48, int(size)) if size else (144, 0)
+        if size.startswith("<="):
+            offset, capacity = 96, int(size[2:])
+        else:
+            offset, capacity = (48, int(size)) if size else (144, 0)
     nested = kind if "/" in kind else ""
     return {
         "name": name,

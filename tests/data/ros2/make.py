@@ -89,11 +89,24 @@ def distance_slice(c):
     c.number("f", -1000).number("I", 4).number("f", 0.5, -0.125, -1000, 2)
 
 
+def esdf_request(c):
+    c.number("?", True, False, True).string("map").number("d", -1, -2, 0.25).number("d", 2, 1.5, 1)
+    c.number("I", 1).number("d", 0.5, 0.5, 0.5).number("I", 1).number("d", 0.1, 0.2, 0.3)
+    c.number("I", 1).number("d", 3, 2, 1).number("I", 1).number("f", 0.125)
+
+
+def esdf_response(c):
+    c.header("map").number("d", -1, -2, 0.25).number("f", 0.05).number("I", 3)
+    for label, size, stride in [("x", 1, 4), ("y", 2, 4), ("z", 2, 2)]:
+        c.string(label).number("I", size, stride)
+    c.number("I", 0).number("I", 4).number("f", 0.5, -0.125, -1000, 2).number("?", True)
+
+
 def main():
     here = Path(__file__).parent
     for write in [
         text, image, compressed_image, camera_info, point_cloud, pose_stamped, transform_stamped,
-        tf_message, occupancy_grid, distance_slice,
+        tf_message, occupancy_grid, distance_slice, esdf_request, esdf_response,
     ]:
         for order, end in [("<", "le"), (">", "be")]:
             cdr = Cdr(order)

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod cut;
+mod esdf;
 mod fleet;
 mod life;
 mod ros2;
@@ -9,6 +10,8 @@ mod router;
 mod secure;
 mod shot;
 mod verbs;
+mod watches;
+mod words;
 
 use orenx::bus::{FrameKey, Slices, encoding_of};
 use orenx::client::ZenohClient;

@@ -56,27 +56,31 @@ impl Status {
 }
 
 /// A robot's end of the network.
-struct Robot {
-    client: ZenohClient,
-    prefix: &'static str,
-    is_rmw: bool,
+pub(super) struct Robot {
+    pub(super) client: ZenohClient,
+    pub(super) prefix: &'static str,
+    pub(super) is_rmw: bool,
 }
 
 impl Robot {
-    fn key(&self, topic: &str, kind: &Type) -> String {
+    pub(super) fn key(&self, topic: &str, kind: &Type) -> String {
         match self.is_rmw {
             true => rmw_key(3, topic, kind, kind.hash).unwrap(),
             false => format!("{}{topic}", self.prefix),
         }
     }
 
-    async fn put<M: Message>(&self, topic: &str, message: &M) {
+    pub(super) async fn put<M: Message>(&self, topic: &str, message: &M) {
         let session = self.client.bus().session();
         session.put(self.key(topic, &M::TYPE), encode(message).unwrap()).await.unwrap();
     }
 
     /// What is said on a topic.
-    async fn hear(&self, topic: &str, kind: &Type) -> (mpsc::Receiver<Sample>, Subscriber<()>) {
+    pub(super) async fn hear(
+        &self,
+        topic: &str,
+        kind: &Type,
+    ) -> (mpsc::Receiver<Sample>, Subscriber<()>) {
         let (tell, told) = mpsc::channel(4);
         let subscriber = self
             .client

@@ -25,8 +25,24 @@ async fn fill(server: &Running) {
     }
 }
 
+/// What a question is refused with.
+pub(super) async fn refusal(
+    client: &ZenohClient,
+    verb: &str,
+    request: &impl Message,
+) -> v1::QueryError {
+    let key = client.bus().keys().question(DEFAULT_MAP, verb);
+    let replies = client.bus().session().get(key).payload(request.encode_to_vec()).await.unwrap();
+    let error = replies.recv_async().await.unwrap().into_result().expect_err("a refusal");
+    read_message(Slices::of(error.payload())).unwrap()
+}
+
 /// The answer to a message as it is.
-async fn ask<A: Message + Default>(client: &ZenohClient, verb: &str, request: &impl Message) -> A {
+pub(super) async fn ask<A: Message + Default>(
+    client: &ZenohClient,
+    verb: &str,
+    request: &impl Message,
+) -> A {
     let key = client.bus().keys().question(DEFAULT_MAP, verb);
     let replies = client.bus().session().get(key).payload(request.encode_to_vec()).await.unwrap();
     let sample = replies.recv_async().await.unwrap().into_result().unwrap();

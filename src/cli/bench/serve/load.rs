@@ -1,5 +1,6 @@
 //! The robot that streams, the places that are asked about, and what became of the frames.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -120,6 +121,19 @@ pub(in crate::cli::bench) fn frame_figures(case: &str, report: &StreamReport) ->
         Figure::new(case, "visible_median", at(0.5), Unit::Milliseconds),
         p95.against(Some(VISIBLE_MS)),
     ]
+}
+
+/// The same by reason.
+pub(in crate::cli::bench) fn reasons(case: &str, report: &StreamReport) -> Vec<Figure> {
+    let ends = [("dropped", &report.dropped), ("rejected", &report.rejected)];
+    let of = |(end, reasons): (&'static str, &BTreeMap<&'static str, u64>)| {
+        let figure = |(reason, count): (&&str, &u64)| {
+            let measure = format!("frames_{end}_{}", reason.to_lowercase());
+            Figure::new(case, measure, *count as f64, Unit::Count)
+        };
+        reasons.iter().map(figure).collect::<Vec<_>>()
+    };
+    ends.into_iter().flat_map(of).collect()
 }
 
 /// Frames that did not become part of the map.

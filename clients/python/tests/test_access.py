@@ -1,0 +1,100 @@
+"""Keys, roles and TLS: who is let in, and what the others are told."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+
+import pytest
+import scene
+from servers import start
+
+import orenx
+import orenx.aio
+
+KEYS = {role: f"{role}-0123456789abcdef" for role in ("ingest", "read", "admin")}
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory):
+    """A server with a key for each role."""
+    config = tmp_path_factory.mktemp("keys") / "orenx.toml"
+    key = '[[auth.keys]]\nname = "{0}"\nrole = "{0}"\nkey = "{1}"\n'
+    config.write_text("".join(key.format(role, secret) for role, secret in KEYS.items()))
+    server = start(config=config)
+    yield server
+    server.stop()
+
+
+def test_a_key_opens_what_its_role_may(guarded):
+    def connect(role):
+        return orenx.connect(guarded.grpc, api_key=KEYS[role])
+
+    with connect("ingest") as robot:
+        assert robot.map().stream_frames(scene.frames(2), "rover").integrated == 2
+        with pytest.raises(orenx.PermissionDeniedError):
+            robot.map().reset()
+    with connect("read") as planner:
+        assert planner.map().query_points([0.0, 1.0, 1.5]).epoch > 0
+        with pytest.raises(orenx.PermissionDeniedError):
+            planner.map().stream_frames(scene.frames(1), "rover")
+    with connect("admin") as admin:
+        assert admin.map().reset().epoch > 0
+
+
+async def test_without_a_key_nobody_gets_in(guarded):
+    for key in (None, "not-the-key-that-it-is"):
+        with orenx.connect(guarded.grpc, api_key=key) as client:
+            with pytest.raises(orenx.UnauthenticatedError):
+                client.maps()
+            with pytest.raises(orenx.UnauthenticatedError):
+                client.map().stream_frames(scene.frames(1), "rover")
+        async with await orenx.aio.connect(guarded.grpc, api_key=key) as client:
+            with pytest.raises(orenx.UnauthenticatedError):
+                await client.maps()
+            with pytest.raises(orenx.UnauthenticatedError):
+                await client.map().stream_frames(scene.frames(1), "rover")
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory):
+    """A certificate for 127.0.0.1 that signs itself, and its key."""
+    openssl = shutil.which("openssl")
+    if openssl is None:
+        pytest.skip("skipped: no openssl, to make a certificate")
+    folder = tmp_path_factory.mktemp("tls")
+    made = (
+        "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 1 -subj /CN=orenx"
+    )
+    files = ["-keyout", folder / "key.pem", "-out", folder / "cert.pem"]
+    command = [openssl, *made.split(), "-addext", "subjectAltName=IP:127.0.0.1", *files]
+    subprocess.run(command, check=True, capture_output=True)
+    return folder
+
+
+async def test_tls_is_spoken_with_whom_we_trust(certificate):
+    server = start(f"tls.cert={certificate / 'cert.pem'}", f"tls.key={certificate / 'key.pem'}")
+    url = "grpcs://" + server.grpc.partition("://")[2]
+    try:
+        ca = certificate / "cert.pem"
+        with orenx.connect(url, ca=ca) as client:
+            assert client.map().info().map.map_id == "default"
+        async with await orenx.aio.connect(url, ca=ca.read_bytes()) as client:
+            assert (await client.map().info()).map.map_id == "default"
+        with pytest.raises(orenx.UnavailableError):
+            orenx.connect(url, wait_s=0.5)
+    finally:
+        server.stop()
+
+
+async def test_mutual_tls_needs_our_certificate_too(certificate):
+    cert, key = certificate / "cert.pem", certificate / "key.pem"
+    server = start(f"tls.cert={cert}", f"tls.key={key}", f"tls.client_ca={cert}")
+    url = "grpcs://" + server.grpc.partition("://")[2]
+    try:
+        with orenx.connect(url, ca=cert, cert=cert, key=key) as client:
+            assert client.map().info().map.map_id == "default"
+        with orenx.connect(url, ca=cert, wait_s=0) as client, pytest.raises(orenx.Error):
+            client.map().info(timeout_s=5)
+    finally:
+        server.stop()
