@@ -6,7 +6,7 @@ export default eslint.config(
   {
     files: ['src/**/*.ts'],
     extends: [...eslint.configs.recommendedTypeChecked],
-    languageOptions: { parserOptions: { projectService: true, tsconfigRootDir: import.meta.dirname } },
+    languageOptions: { parserOptions: { projectService: true, tsconfigRootDir: new URL('.', import.meta.url).pathname } },
     rules: {
       eqeqeq: 'error',
       'no-console': 'error',

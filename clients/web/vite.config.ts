@@ -8,6 +8,8 @@ const behind = { target: server, changeOrigin: false };
 const proxy = { '/v1': behind, '/readyz': behind, '/metrics': behind, '/openapi.json': behind };
 
 export default defineConfig({
+  // The licence of what others wrote goes with it.
+  esbuild: { legalComments: 'inline' },
   build: {
     target: 'es2022',
     // `build/dist.mjs` empties it, but for the file that keeps it in the repository.

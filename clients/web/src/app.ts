@@ -156,8 +156,8 @@ export class App {
     const { value: found } = this.found;
     if (found) this.found.set({ ...found, chosen: match.id });
     this.viewer.boxes.show(found?.answer.matches ?? [match], match.id);
-    if (match.best_view) this.viewer.standAt(match.best_view, match.obb.center_m);
-    else this.viewer.goTo(match.obb.center_m, 1.2 + 2 * Math.hypot(...match.obb.half_size_m));
+    const { center_m: center, half_size_m: half } = match.obb;
+    this.viewer.see(center, Math.hypot(...half), match.best_view);
   }
 
   forget(): void {

@@ -7,7 +7,7 @@ import './style/ask.css';
 import './style/phone.css';
 
 import { App } from './app';
-import { mapPath, said } from './api/http';
+import { said } from './api/http';
 import type { Triple } from './api/types';
 import { Viewer } from './scene/viewer';
 import { KeyDialog, showHelp } from './ui/dialogs';
@@ -85,7 +85,7 @@ function build(app: App, view: HTMLElement, canvas: HTMLCanvasElement): void {
   });
   app.connection.stats.watch((stats) => (empty.hidden = !stats || stats.map.bounds !== null));
   canvas.addEventListener('pointermove', (event) => event.buttons === 0 && slice.hoverAt(event.clientX, event.clientY));
-  viewer.controls.onTap = (x, y) => void pick(app, x, y);
+  viewer.controls.onTap = (x, y) => pick(app, x, y);
 
   const actions: Record<string, () => void> = {
     '/': () => query.input.focus(),
@@ -113,22 +113,15 @@ function build(app: App, view: HTMLElement, canvas: HTMLCanvasElement): void {
   });
 }
 
-/** What is there, and how far: the server casts the ray. */
-async function pick(app: App, x: number, y: number): Promise<void> {
+/** What is there, and how far: of what is drawn, since one looks through walls from outside. */
+function pick(app: App, x: number, y: number): void {
   const { origin, direction } = app.viewer.rayAt(x, y);
-  try {
-    const json = { origins_m: [origin], directions: [direction], max_range_m: 100, unknown_policy: 'free' };
-    const path = mapPath(app.mapId.value ?? 'default', '/query/rays');
-    const hit = await app.api.json<{ distance_m: (number | null)[] }>(path, { method: 'POST', json });
-    const range = hit.distance_m[0] ?? null;
-    if (range === null) return;
-    const at = origin.map((o, i) => o + (direction[i] ?? 0) * range) as Triple;
-    app.viewer.pointer.show(at, null, Math.max(0.4, range * 0.06));
-    app.viewer.invalidate();
-    app.notice.set(`${place(at)}, ${metres(range)} from the eye`);
-  } catch {
-    // A click is no question that must have an answer.
-  }
+  const range = app.viewer.surface.pick(origin, direction);
+  if (range === Infinity) return;
+  const at = origin.map((o, i) => o + (direction[i] ?? 0) * range) as Triple;
+  app.viewer.pointer.show(at, null, Math.max(0.4, range * 0.06));
+  app.viewer.invalidate();
+  app.notice.set(`${place(at)}: ${metres(range)} from the eye`);
 }
 
 /** Tabs beside the view; on a phone a sheet below it. */

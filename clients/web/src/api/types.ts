@@ -97,10 +97,12 @@ export interface PointsAnswer {
   state?: number[];
 }
 
-/** Of a snapshot only its name is sure. */
 export interface Snapshot {
   name: string;
-  bytes?: number;
-  created_unix_ns?: number;
-  epoch?: number;
+  bytes: number;
+  created_ns: number;
+  epoch: number;
+  frames: number;
+  /** Why it cannot be read. */
+  problem?: string;
 }

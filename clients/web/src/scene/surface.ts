@@ -12,7 +12,9 @@ import {
   Vector3,
 } from 'three';
 
+import type { Triple } from '../api/types';
 import type { Heat } from '../mesh/heat';
+import { pickPiece } from '../mesh/pick';
 import type { Piece, Pieces } from '../mesh/read';
 import { tinted } from '../mesh/tint';
 
@@ -195,6 +197,15 @@ export class Surface {
     }
     // Four bytes a vertex: what is not aligned is slow.
     geometry.setAttribute('heat', new BufferAttribute(heat, 4, true));
+  }
+
+  /** How far along a ray something is drawn; Infinity where nothing is. */
+  pick(origin: Triple, direction: Triple): number {
+    let nearest = Infinity;
+    for (const { piece } of this.shown.values()) {
+      nearest = Math.min(nearest, pickPiece(piece, this.pieceM, origin, direction));
+    }
+    return nearest;
   }
 
   /** Leaves out the pieces that are farthest from the eye, but for a share of them. */

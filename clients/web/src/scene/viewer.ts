@@ -207,10 +207,21 @@ export class Viewer {
     this.controls.standAt(eye, target ? new Vector3(...target) : eye.clone().add(ahead));
   }
 
-  goTo(target: Triple, radius: number): void {
+  /** A thing of some size in view, from where a camera saw it, or farther away on the same line. */
+  see(center: Triple, size: number, from: Pose | null): void {
     this.isOwn = false;
     this.followed = null;
-    this.controls.lookAt(new Vector3(...target), radius);
+    const target = new Vector3(...center);
+    const { clientWidth: width, clientHeight: height } = this.host;
+    const free = Math.min((width - this.covered.right) / height, (height - this.covered.below) / height);
+    const least = (1.1 * size) / Math.tan((this.camera.fov * Math.PI) / 360) / Math.max(free, 0.3);
+    if (!from) {
+      this.controls.lookAt(target, Math.max(least, 1));
+      return;
+    }
+    const way = new Vector3(...from.translation).sub(target);
+    const eye = target.clone().addScaledVector(way.clone().normalize(), Math.max(way.length(), least));
+    this.controls.standAt(eye, target);
   }
 
   /** Where the eye is, as the server has cameras: x right, y down, z forward. */

@@ -5,7 +5,7 @@ import { Refused, mapPath, said } from '../api/http';
 import type { MapSummary, Snapshot } from '../api/types';
 import { confirmed } from './dialogs';
 import { fill, h, iconButton } from './dom';
-import { ago, bytes, count } from './numbers';
+import { bytes, count } from './numbers';
 import { saveBlob } from './picture';
 
 export class MapsPanel {
@@ -15,6 +15,7 @@ export class MapsPanel {
   private readonly status = h('p', { class: 'hint', role: 'status' });
   private readonly snapshots = h('ul', { class: 'snapshots' });
   private readonly snapshotName = h('input', { type: 'text', id: 'snapshot-name', placeholder: 'a name, if you like', maxlength: 64, autocomplete: 'off', spellcheck: 'false' });
+  private readonly file = h('input', { type: 'file', id: 'snapshot-file', accept: '.orenx' });
   private readonly snapshotSection: HTMLElement;
 
   constructor(private readonly app: App) {
@@ -26,13 +27,19 @@ export class MapsPanel {
       event.preventDefault();
       void this.takeSnapshot();
     } }, h('label', { for: 'snapshot-name' }, 'Now'), this.snapshotName, h('button', { type: 'submit' }, 'Take'));
-    this.snapshotSection = h('section', { hidden: true }, h('h3', {}, 'Snapshots of this map'), this.snapshots, take);
+    this.file.addEventListener('change', () => void this.upload());
+    this.snapshotSection = h('section', { hidden: true }, h('h3', {}, 'Snapshots of this map'), this.snapshots, take,
+      h('div', { class: 'row' }, h('label', { for: 'snapshot-file' }, 'From a file'), this.file));
     this.element = h('div', { class: 'maps-panel' }, this.list, create, this.status,
       h('section', {}, h('h3', {}, 'This map'), h('div', { class: 'row wrap' },
         h('button', { type: 'button', onclick: () => void this.saveMesh() }, 'Save the mesh (PLY)'),
         h('button', { type: 'button', class: 'danger', onclick: () => void this.reset() }, 'Empty the map …'))),
       this.snapshotSection);
-    app.maps.watch(() => this.draw());
+    app.maps.watch(() => {
+      this.draw();
+      // A timer of the server takes some too.
+      if (this.snapshotSection.offsetParent !== null) void this.loadSnapshots();
+    });
     app.mapId.watch(() => {
       this.draw();
       void this.loadSnapshots();
@@ -116,6 +123,10 @@ export class MapsPanel {
       const { snapshots } = await this.app.api.json<{ snapshots: Snapshot[] }>(mapPath(mapId, '/snapshots'));
       if (mapId !== this.mapId) return;
       this.snapshotSection.hidden = false;
+      // Rows stay while they are the same: a button that is pressed must stay.
+      const shown = JSON.stringify([mapId, snapshots]);
+      if (this.snapshots.dataset.shown === shown) return;
+      this.snapshots.dataset.shown = shown;
       const none = h('li', { class: 'empty' }, 'None yet.');
       fill(this.snapshots, ...(snapshots.length > 0 ? snapshots.map((one) => this.snapshotRow(one)) : [none]));
     } catch (error) {
@@ -126,13 +137,12 @@ export class MapsPanel {
 
   private snapshotRow(snapshot: Snapshot): HTMLElement {
     const path = mapPath(this.mapId, `/snapshots/${encodeURIComponent(snapshot.name)}`);
-    const facts = [
-      snapshot.bytes === undefined ? '' : bytes(snapshot.bytes),
-      snapshot.created_unix_ns === undefined ? '' : ago(Date.now() - snapshot.created_unix_ns / 1e6),
-      snapshot.epoch === undefined ? '' : `epoch ${count(snapshot.epoch)}`,
-    ];
+    const made = new Date(snapshot.created_ns / 1e6).toLocaleString();
+    const facts = snapshot.problem
+      ? `cannot be read: ${snapshot.problem}`
+      : `${made}, ${bytes(snapshot.bytes)}, ${count(snapshot.frames)} frames`;
     return h('li', { class: 'snapshot' },
-      h('span', { class: 'map-name' }, snapshot.name, h('span', { class: 'map-facts' }, facts.filter(Boolean).join(', '))),
+      h('span', { class: 'map-name' }, snapshot.name, h('span', { class: snapshot.problem ? 'map-facts bad' : 'map-facts' }, facts)),
       iconButton('reset', `Restore ${snapshot.name}`, () => void this.restore(snapshot.name, path)),
       iconButton('down', `Download ${snapshot.name}`, () => void this.attempt('Downloading', async () => {
         const ask = { accept: 'application/octet-stream', patienceMs: 0 };
@@ -147,6 +157,16 @@ export class MapsPanel {
     if (await this.attempt('Taking a snapshot', () => this.app.api.json(mapPath(this.mapId, '/snapshots'), ask))) {
       this.snapshotName.value = '';
     }
+    await this.loadSnapshots();
+  }
+
+  private async upload(): Promise<void> {
+    const file = this.file.files?.[0];
+    if (!file) return;
+    const name = file.name.replace(/\.orenx$/, '').toLowerCase().replaceAll(/[^a-z0-9_-]/g, '-').slice(0, 64);
+    const path = mapPath(this.mapId, `/snapshots/${encodeURIComponent(name)}`);
+    await this.attempt('Uploading', () => this.app.api.ask(path, { method: 'PUT', body: file, patienceMs: 0 }));
+    this.file.value = '';
     await this.loadSnapshots();
   }
 

@@ -4,7 +4,7 @@ import type { App, Found } from '../app';
 import { said } from '../api/http';
 import type { Encoders, Match } from '../api/types';
 import { fill, h, icon, iconButton } from './dom';
-import { metres } from './numbers';
+import { metres, milliseconds } from './numbers';
 
 /** Asked with one click, where the map has language. */
 const SUGGESTIONS = ['where is the blanket?', 'something to sit on', 'lamp', 'plant'];
@@ -70,7 +70,7 @@ export class QueryBox {
     const best = matches[0]?.score ?? 1;
     const head = h('div', { class: 'results-head' },
       h('span', {}, `${matches.length} ${matches.length === 1 ? 'match' : 'matches'} for “${found.text}”`),
-      h('span', { class: 'muted' }, `${(spent / 1000).toFixed(1)} ms`),
+      h('span', { class: 'muted' }, milliseconds(spent / 1000)),
       iconButton('close', 'Forget the matches', () => {
         this.app.forget();
         this.input.focus();

@@ -9,7 +9,7 @@ import { count } from './numbers';
 
 const LOOKS: [Look, string][] = [['color', 'Colours'], ['normal', 'Normals'], ['height', 'Height']];
 const DETAILS: [Detail | 'auto', string][] = [
-  ['auto', 'As fine as runs well'],
+  ['auto', 'Detail: automatic'],
   ['coarse', 'Coarse'],
   ['medium', 'Medium'],
   ['fine', 'Fine'],
