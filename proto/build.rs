@@ -3,7 +3,7 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-const FILES: [&str; 8] = [
+const FILES: [&str; 9] = [
     "orenx/v1/geometry.proto",
     "orenx/v1/ingest.proto",
     "orenx/v1/language.proto",
@@ -12,6 +12,7 @@ const FILES: [&str; 8] = [
     "orenx/v1/planner.proto",
     "orenx/v1/query.proto",
     "orenx/v1/render.proto",
+    "orenx/v1/snapshots.proto",
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -21,6 +22,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     // What reflection tells, comments included.
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     std::fs::write(out.join("orenx.v1.bin"), compiler.encode_file_descriptor_set())?;
+    // The same of a frame alone, short, for the files of the journal.
+    let mut frame = protox::Compiler::new(["proto"])?;
+    frame.include_imports(true).open_file("orenx/v1/ingest.proto")?;
+    std::fs::write(out.join("orenx.v1.Frame.bin"), frame.encode_file_descriptor_set())?;
     // What does not decode is the sender's fault: `wire` has a codec that says so.
     tonic_prost_build::configure()
         .codec_path("crate::wire::Messages")
