@@ -9,6 +9,7 @@ mod language;
 mod layers;
 mod ros2;
 mod server;
+mod storage;
 mod stored;
 
 use serde::{Deserialize, Serialize};
@@ -21,9 +22,8 @@ pub use bus::{
 pub use encoder::{EncoderKind, EncoderSettings};
 pub use language::{CodeForm, DictionaryKind, LanguageConfig, MAX_ATOMS};
 pub use ros2::{Bridge, Ros2Config, Ros2Outputs, Ros2Settings};
-pub use server::{
-    DEFAULT_FILE, GpuSettings, ServerConfig, ServerSettings, Settings, StorageSettings,
-};
+pub use server::{DEFAULT_FILE, GpuSettings, ServerConfig, ServerSettings, Settings};
+pub use storage::{JournalMode, KeepConfig, StorageSettings};
 pub use stored::Kept;
 
 /// How much work a frame may take.

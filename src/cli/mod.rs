@@ -22,6 +22,7 @@ pub mod query;
 pub mod render;
 pub mod serve;
 pub mod slice;
+pub mod snapshot;
 pub mod stream;
 
 use std::process::ExitCode;
@@ -42,6 +43,7 @@ enum Command {
     Demo(demo::DemoArgs),
     Serve(serve::ServeArgs),
     Stream(stream::StreamArgs),
+    Snapshot(snapshot::SnapshotArgs),
     Map(map::MapArgs),
     Eval(eval::EvalArgs),
     Query(query::QueryArgs),
@@ -74,6 +76,7 @@ pub fn run() -> ExitCode {
         Command::Demo(arguments) => arguments.run(),
         Command::Serve(arguments) => arguments.run(),
         Command::Stream(arguments) => arguments.run(),
+        Command::Snapshot(arguments) => arguments.run(),
         Command::Map(arguments) => arguments.run(),
         Command::Eval(arguments) => arguments.run(),
         Command::Query(arguments) => arguments.run(),

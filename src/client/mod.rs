@@ -7,6 +7,7 @@ mod language;
 mod mirror;
 mod planner;
 mod questioner;
+mod snapshots;
 mod stream;
 mod zenoh;
 

@@ -7,8 +7,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BackendChoice, BusConfig, BusSettings, EncoderSettings, FrameLimits, MapConfig, MapSettings,
-    Ros2Config, Ros2Settings, Schedule,
+    BackendChoice, BusConfig, BusSettings, EncoderSettings, FrameLimits, KeepConfig, MapConfig,
+    MapSettings, Ros2Config, Ros2Settings, Schedule, StorageSettings,
 };
 use crate::error::{Error, Result};
 
@@ -45,13 +45,6 @@ pub struct ServerSettings {
     pub max_frame_age_s: f64,
     pub publish_interval_ms: u32,
     pub trainer_nice: u32,
-}
-
-/// `[storage]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct StorageSettings {
-    pub path: PathBuf,
 }
 
 /// `[gpu]`.
@@ -101,12 +94,6 @@ impl Default for ServerSettings {
     }
 }
 
-impl Default for StorageSettings {
-    fn default() -> Self {
-        Self { path: "orenx-data".into() }
-    }
-}
-
 /// Checked settings of a server, without those of its map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ServerConfig {
@@ -136,6 +123,7 @@ pub struct ServerConfig {
     pub gpu_memory_mib: u32,
     /// The folder that holds the maps; `None` keeps them in memory.
     pub storage: Option<PathBuf>,
+    pub keep: KeepConfig,
     pub encoder: EncoderSettings,
     /// `None`: no Zenoh.
     pub bus: Option<BusConfig>,
@@ -205,6 +193,7 @@ impl ServerConfig {
             trainer_nice: within("trainer_nice", server.trainer_nice, 0..=19)? as u8,
             storage: (!settings.storage.path.as_os_str().is_empty())
                 .then(|| settings.storage.path.clone()),
+            keep: KeepConfig::from_settings(&settings.storage)?,
             encoder: settings.encoder.clone(),
             bus: BusConfig::from_settings(&settings.bus, frames)?,
             ros2: Ros2Config::from_settings(&settings.ros2)?,
@@ -275,7 +264,7 @@ mod tests {
             ("server", 8),
             ("zenoh", 10),
             ("ros2", 31),
-            ("storage", 1),
+            ("storage", 6),
             ("encoder", 4),
             ("map", 10),
         ] {

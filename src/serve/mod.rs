@@ -9,6 +9,7 @@ mod mirror;
 mod planner;
 mod ros2;
 mod run;
+mod snapshots;
 mod stream;
 mod zenoh;
 

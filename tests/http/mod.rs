@@ -6,6 +6,7 @@ mod life;
 mod numbers;
 mod planner;
 mod refusals;
+mod snapshots;
 
 use serde_json::Value;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};

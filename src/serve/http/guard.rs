@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
@@ -16,6 +16,9 @@ use crate::error::Error;
 
 /// The header in which a client says how long it will wait, ms.
 pub(super) const TIMEOUT: &str = "orenx-timeout-ms";
+
+/// How the route ends of what takes in files with PUT.
+const UPLOAD: &str = "/snapshots/{name}";
 
 /// Counts a request whatever becomes of it: one that is dropped belongs to a client that left.
 pub(super) async fn guard(State(edge): State<Arc<Edge>>, request: Request, next: Next) -> Response {
@@ -36,7 +39,9 @@ async fn admit(
 ) -> Result<Response, Refusal> {
     check_headers(&request, edge.limits.header_bytes)?;
     check_origin(request.headers())?;
-    let patience = patience(request.headers(), edge.limits.request_time)?;
+    let is_upload = request.method() == Method::PUT && route.is_some_and(|r| r.ends_with(UPLOAD));
+    let most = if is_upload { edge.limits.upload_time } else { edge.limits.request_time };
+    let patience = patience(request.headers(), most)?;
     // Probes and metrics must answer when nothing else does.
     let _place = match route {
         Some(route) if route.starts_with("/v1/") => {

@@ -5,6 +5,7 @@ mod body;
 mod found;
 mod guard;
 mod images;
+mod kept;
 mod language;
 mod limits;
 mod listen;
@@ -21,6 +22,7 @@ mod refusal;
 mod requests;
 mod schemas;
 mod slices;
+mod snapshots;
 mod spheres;
 mod stall;
 mod voxels;
@@ -119,7 +121,7 @@ impl Edge {
 }
 
 /// Every path, for the counters and for the tests of the document.
-const ROUTES: [&str; 24] = [
+const ROUTES: [&str; 27] = [
     "/",
     "/healthz",
     "/livez",
@@ -144,6 +146,9 @@ const ROUTES: [&str; 24] = [
     "/v1/maps/{map}/slice.png",
     "/v1/maps/{map}/slice.json",
     "/v1/maps/{map}/slice.bin",
+    "/v1/maps/{map}/snapshots",
+    "/v1/maps/{map}/snapshots/{name}",
+    "/v1/maps/{map}/snapshots/{name}/restore",
 ];
 
 fn router(edge: Arc<Edge>) -> Router {
@@ -161,7 +166,8 @@ fn router(edge: Arc<Edge>) -> Router {
         encoders,
         planners @ ..,
     ] = rest;
-    let [clear, trajectories, rays, nearest, grid, png, numbers, bin] = planners;
+    let [clear, trajectories, rays, nearest, grid, png, numbers, bin, files @ ..] = planners;
+    let [snapshots, snapshot, restore] = files;
     Router::new()
         .route(root, get(probes::about))
         .route(healthz, get(probes::healthy))
@@ -187,6 +193,9 @@ fn router(edge: Arc<Edge>) -> Router {
         .route(png, get(slices::png))
         .route(numbers, get(slices::json))
         .route(bin, get(slices::bin))
+        .route(snapshots, get(snapshots::list).post(snapshots::create))
+        .route(snapshot, get(snapshots::download).put(snapshots::upload).delete(snapshots::delete))
+        .route(restore, post(snapshots::restore))
         .fallback(|uri: Uri| async move { Refusal::no_route(uri.path()) })
         .method_not_allowed_fallback(|method: Method, uri: Uri| async move {
             Refusal::wrong_method(method, uri.path())

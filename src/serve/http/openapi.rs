@@ -8,7 +8,9 @@ use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
 use utoipa::{IntoParams, IntoResponses, OpenApi, ToSchema};
 
 use super::limits::Limits;
-use super::{images, language, maps, planner, points, probes, refusal, slices, spheres, voxels};
+use super::{
+    images, language, maps, planner, points, probes, refusal, slices, snapshots, spheres, voxels,
+};
 
 #[derive(OpenApi)]
 #[openapi(
@@ -23,12 +25,15 @@ use super::{images, language, maps, planner, points, probes, refusal, slices, sp
         probes::openapi, maps::list, maps::detail, maps::create, maps::delete, maps::stats, maps::reset, points::query,
         images::render, language::text, language::embedding, language::classify,
         language::encoders, spheres::spheres, planner::trajectories, planner::rays,
-        planner::nearest, voxels::grid, slices::png, slices::json, slices::bin
+        planner::nearest, voxels::grid, slices::png, slices::json, slices::bin,
+        snapshots::list, snapshots::create, snapshots::download, snapshots::upload,
+        snapshots::delete, snapshots::restore
     ),
     components(schemas(refusal::ErrorReply)),
     tags(
         (name = "server", description = "Who is there, and is it well?"),
         (name = "maps", description = "Which maps there are and how they are."),
+        (name = "snapshots", description = "Maps as files."),
         (name = "query", description = "Questions about places."),
         (name = "planner", description = "Questions that planners ask."),
         (name = "render", description = "Images from places."),
@@ -117,6 +122,19 @@ pub(super) struct MapPath {
     map: String,
 }
 
+/// The path's parts that name a snapshot.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Path)]
+#[expect(dead_code, reason = "stands for parts of the path in the document")]
+pub(super) struct SnapshotPath {
+    /// The map, as in "default".
+    #[param(example = "default")]
+    map: String,
+    /// The snapshot, as in "before-lunch".
+    #[param(example = "before-lunch")]
+    name: String,
+}
+
 /// What any path may answer instead.
 pub(super) struct Any;
 
@@ -141,6 +159,15 @@ pub(super) struct ChangeRefusals;
 impl IntoResponses for ChangeRefusals {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
         refusals(&[404, 408, 409, 413, 429])
+    }
+}
+
+/// What may be answered instead of a snapshot.
+pub(super) struct TransferRefusals;
+
+impl IntoResponses for TransferRefusals {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        refusals(&[404, 409, 429])
     }
 }
 
@@ -180,7 +207,7 @@ fn meaning(status: u16) -> &'static str {
     match status {
         400 => "INVALID_ARGUMENT: the field and the limit that it broke are in the message.",
         403 => "PERMISSION_DENIED: a page of another site asks.",
-        404 => "NOT_FOUND: no such map.",
+        404 => "NOT_FOUND: no such map, or no such snapshot.",
         406 => "NOT_ACCEPTABLE: there is no answer in the form that `accept` asks for.",
         408 => "REQUEST_TIMEOUT: the body did not arrive in time.",
         409 => {
