@@ -7,7 +7,7 @@ mod embed;
 use std::error::Error;
 use std::path::PathBuf;
 
-const FILES: [&str; 9] = [
+const FILES: [&str; 10] = [
     "orenx/v1/admin.proto",
     "orenx/v1/geometry.proto",
     "orenx/v1/ingest.proto",
@@ -17,6 +17,7 @@ const FILES: [&str; 9] = [
     "orenx/v1/planner.proto",
     "orenx/v1/query.proto",
     "orenx/v1/render.proto",
+    "orenx/v1/snapshots.proto",
 ];
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -28,6 +29,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let out = PathBuf::from(std::env::var("OUT_DIR")?);
     std::fs::write(out.join("orenx.v1.bin"), compiler.encode_file_descriptor_set())?;
     embed::dashboard(&out)?;
+    // The same of a frame alone, short, for the files of the journal.
+    let mut frame = protox::Compiler::new(["proto"])?;
+    frame.include_imports(true).open_file("orenx/v1/ingest.proto")?;
+    std::fs::write(out.join("orenx.v1.Frame.bin"), frame.encode_file_descriptor_set())?;
     // What does not decode is the sender's fault: `wire` has a codec that says so.
     tonic_prost_build::configure()
         .codec_path("crate::wire::Messages")

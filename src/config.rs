@@ -12,6 +12,7 @@ mod log;
 mod ros2;
 mod secret;
 mod server;
+mod storage;
 mod stored;
 
 use serde::{Deserialize, Serialize};
@@ -30,9 +31,8 @@ pub use language::{CodeForm, DictionaryKind, LanguageConfig, MAX_ATOMS};
 pub use log::{LogFormat, LogSettings};
 pub use ros2::{Bridge, Ros2Config, Ros2Outputs, Ros2Settings};
 pub use secret::Secret;
-pub use server::{
-    DEFAULT_FILE, GpuSettings, ServerConfig, ServerSettings, Settings, StorageSettings,
-};
+pub use server::{DEFAULT_FILE, GpuSettings, ServerConfig, ServerSettings, Settings};
+pub use storage::{JournalMode, KeepConfig, StorageSettings};
 pub use stored::Kept;
 
 /// How much work a frame may take.

@@ -18,6 +18,7 @@ mod rays;
 mod readers;
 mod registry;
 mod slice;
+mod snapshots;
 mod sought;
 mod spheres;
 mod studio;
@@ -68,6 +69,7 @@ use readers::Readers;
 pub use registry::Mappers;
 use registry::Registry;
 pub use slice::{Level, SliceQuestion, SliceReply};
+pub use snapshots::{Download, PIECE_BYTES, Upload};
 use sought::Words;
 pub use sought::{MAX_PROMPTS, Sought};
 pub use spheres::{SpheresQuestion, SpheresReply, spheres_of};
@@ -100,6 +102,9 @@ pub struct Service {
     mirrors: Arc<Semaphore>,
     /// Pieces of meshes for those who draw them.
     pieces: Pieces,
+    /// Places of snapshots on their way in or out.
+    transfers: Arc<Semaphore>,
+    max_snapshot_bytes: u64,
     max_points: usize,
     max_pixels: usize,
 }
@@ -122,6 +127,8 @@ impl Service {
             watches: Arc::new(Semaphore::new(MAX_WATCHES)),
             mirrors: mirror::places(),
             pieces: Pieces::default(),
+            transfers: snapshots::places(),
+            max_snapshot_bytes: config.keep.max_snapshot_bytes,
             max_points: config.max_points,
             max_pixels: config.max_pixels,
         };
@@ -278,9 +285,10 @@ impl Service {
     }
 
     /// Empties a map. Questions are answered meanwhile: from the old map until the empty one is
-    /// published. The file on disk is replaced when the server saves.
+    /// published. That is on disk before this returns. Of a map that could not be loaded the file is
+    /// set aside.
     pub async fn reset_map(&self, map_id: &str) -> Result<Emptied> {
-        self.map(map_id)?.reset().await
+        self.registry.reset(map_id).await
     }
 
     /// Boxes (world metres) that may hold a part of a map's surface.
@@ -297,6 +305,7 @@ impl Service {
             stats: (*published.stats).clone(),
             counts: map.tallies.all.read(),
             robots: map.tallies.robots(),
+            storage: map.handle.storage(),
             resident_bytes: crate::telemetry::resident_bytes(),
         })
     }

@@ -25,6 +25,7 @@ pub mod query;
 pub mod render;
 pub mod serve;
 pub mod slice;
+pub mod snapshot;
 pub mod stream;
 
 use std::process::ExitCode;
@@ -45,6 +46,7 @@ enum Command {
     Demo(demo::DemoArgs),
     Serve(serve::ServeArgs),
     Stream(stream::StreamArgs),
+    Snapshot(snapshot::SnapshotArgs),
     Map(map::MapArgs),
     Eval(eval::EvalArgs),
     Query(query::QueryArgs),
@@ -83,6 +85,7 @@ pub fn run() -> ExitCode {
         Command::Demo(arguments) => arguments.run(),
         Command::Serve(arguments) => arguments.run(),
         Command::Stream(arguments) => arguments.run(),
+        Command::Snapshot(arguments) => arguments.run(),
         Command::Map(arguments) => arguments.run(),
         Command::Eval(arguments) => arguments.run(),
         Command::Query(arguments) => arguments.run(),

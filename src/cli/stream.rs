@@ -111,6 +111,9 @@ fn print(name: &str, report: &StreamReport) {
         report.frames_per_second(),
         report.epoch
     );
+    if report.durable > 0 {
+        println!("on disk, whatever happens to the server: {}", report.durable);
+    }
     if let Some((median, p95)) = visible_after_ms(report) {
         println!("visible to queries after {median:.1} ms (median), {p95:.1} ms (95 %)");
     }
@@ -146,6 +149,7 @@ fn as_json(name: &str, url: &str, report: &StreamReport) -> serde_json::Value {
         "url": url,
         "frames": report.settled,
         "integrated": report.integrated,
+        "durable": report.durable,
         "dropped": lower(&report.dropped),
         "rejected": lower(&report.rejected),
         "unanswered": report.unanswered,

@@ -9,6 +9,7 @@ mod language;
 mod mirror;
 mod planner;
 mod questioner;
+mod snapshots;
 mod stream;
 mod zenoh;
 

@@ -33,6 +33,8 @@ pub struct StreamReport {
     /// Frames with a verdict.
     pub settled: u64,
     pub integrated: u64,
+    /// Frames that a crash of the server does not lose: none without a journal.
+    pub durable: u64,
     /// By reason, in the names of `FrameReason`.
     pub dropped: BTreeMap<&'static str, u64>,
     pub rejected: BTreeMap<&'static str, u64>,
@@ -128,6 +130,7 @@ pub async fn send(
     let received = loop {
         match acks.next().await {
             Ok(Some(ack)) if ack.status() == v1::FrameStatus::Accepted => {}
+            Ok(Some(ack)) if ack.status() == v1::FrameStatus::Durable => report.durable += 1,
             Ok(Some(ack)) => {
                 report.settle(&ack);
                 report.elapsed = started.elapsed();

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     AccessConfig, AuthSettings, BackendChoice, BusConfig, BusSettings, EncoderSettings,
-    FrameLimits, LimitSettings, LogSettings, MapConfig, MapSettings, Ros2Config, Ros2Settings,
-    Schedule, TlsSettings,
+    FrameLimits, KeepConfig, LimitSettings, LogSettings, MapConfig, MapSettings, Ros2Config,
+    Ros2Settings, Schedule, StorageSettings, TlsSettings,
 };
 use crate::error::{Error, Result};
 
@@ -53,13 +53,6 @@ pub struct ServerSettings {
     pub max_frame_age_s: f64,
     pub publish_interval_ms: u32,
     pub trainer_nice: u32,
-}
-
-/// `[storage]`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct StorageSettings {
-    pub path: PathBuf,
 }
 
 /// `[gpu]`.
@@ -115,12 +108,6 @@ impl Default for ServerSettings {
     }
 }
 
-impl Default for StorageSettings {
-    fn default() -> Self {
-        Self { path: "orenx-data".into() }
-    }
-}
-
 /// Checked settings of a server, without those of its map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ServerConfig {
@@ -154,6 +141,7 @@ pub struct ServerConfig {
     pub gpu_memory_mib: u32,
     /// The folder that holds the maps; `None` keeps them in memory.
     pub storage: Option<PathBuf>,
+    pub keep: KeepConfig,
     pub encoder: EncoderSettings,
     /// `None`: no Zenoh.
     pub bus: Option<BusConfig>,
@@ -230,6 +218,7 @@ impl ServerConfig {
             trainer_nice: within("trainer_nice", server.trainer_nice, 0..=19)? as u8,
             storage: (!settings.storage.path.as_os_str().is_empty())
                 .then(|| settings.storage.path.clone()),
+            keep: KeepConfig::from_settings(&settings.storage)?,
             encoder: settings.encoder.clone(),
             bus: BusConfig::from_settings(&settings.bus, frames)?,
             ros2: Ros2Config::from_settings(&settings.ros2)?,
@@ -314,7 +303,7 @@ mod tests {
             ("log", 3),
             ("zenoh", 10),
             ("ros2", 31),
-            ("storage", 1),
+            ("storage", 6),
             ("encoder", 4),
             ("map", 10),
         ] {

@@ -7,7 +7,9 @@ use std::task::{Poll, Waker};
 use std::time::{Duration, Instant};
 
 use super::EngineSettings;
+use super::errand::{Errand, Errands};
 use super::lanes::{Job, Lanes, QueuePolicy};
+use super::ledger::Ledger;
 use super::order::Session;
 use super::verdict::{FrameSink, Queue, Reason, Ticket, Verdict};
 use crate::error::{Error, Result};
@@ -92,7 +94,7 @@ impl Handle {
     }
 
     /// Empties the map: the frame at hand is finished, those that wait are dropped, and an empty map
-    /// is published. Returns when it is; dropping the future does not take the wish back.
+    /// is saved and published. Returns when it is; dropping the future does not take the wish back.
     pub async fn reset(&self) -> Result<Emptied> {
         let wish = self.0.wish_reset()?;
         poll_fn(|context| self.0.poll_reset(wish, context.waker())).await
@@ -136,6 +138,8 @@ pub(super) enum Event {
     Idle,
     /// An empty map is wished for; the frames that waited.
     Reset(VecDeque<Job>),
+    /// Something else is wished for; the frames that waited, if they are of no use after it.
+    Errand(Errand, VecDeque<Job>),
     /// The end, and the frames that will not be integrated.
     Stop(VecDeque<Job>),
 }
@@ -148,16 +152,22 @@ struct Inbox {
     /// Those who wait for a reset or for the end.
     watchers: Vec<Waker>,
     resets: Resets,
+    errands: Errands,
 }
 
 /// Resets by number: those wished for while the thread is busy are granted together.
-#[derive(Default)]
 struct Resets {
     wished: u64,
     begun: u64,
     done: u64,
-    /// What the last one did.
-    last: Emptied,
+    /// What the last one did, or why it did nothing.
+    last: std::result::Result<Emptied, String>,
+}
+
+impl Default for Resets {
+    fn default() -> Self {
+        Self { wished: 0, begun: 0, done: 0, last: Ok(Emptied::default()) }
+    }
 }
 
 /// Shared by the thread and its handles.
@@ -167,10 +177,11 @@ pub(super) struct Shared {
     published: RwLock<Published>,
     /// Those who wait for the next view.
     followers: Mutex<Vec<Waker>>,
+    pub(super) ledger: Arc<Ledger>,
 }
 
 impl Shared {
-    pub(super) fn new(settings: &EngineSettings, first: Published) -> Self {
+    pub(super) fn new(settings: &EngineSettings, first: Published, ledger: Arc<Ledger>) -> Self {
         Self {
             inbox: Mutex::new(Inbox {
                 lanes: Lanes::new(settings),
@@ -178,10 +189,12 @@ impl Shared {
                 senders: Vec::new(),
                 watchers: Vec::new(),
                 resets: Resets::default(),
+                errands: Errands::default(),
             }),
             bell: Condvar::new(),
             published: RwLock::new(first),
             followers: Mutex::default(),
+            ledger,
         }
     }
 
@@ -227,6 +240,15 @@ impl Shared {
                 wake(&mut inbox.senders);
                 return Event::Reset(waiting);
             }
+            if let Some(errand) = inbox.errands.pop() {
+                let mut waiting = VecDeque::new();
+                if errand.drops_frames() {
+                    waiting = drain(&mut inbox);
+                    inbox.lanes.forget_order();
+                    wake(&mut inbox.senders);
+                }
+                return Event::Errand(errand, waiting);
+            }
             if let Some(job) = inbox.lanes.pop() {
                 wake(&mut inbox.senders);
                 return Event::Frame(Box::new(job), inbox.lanes.live());
@@ -264,7 +286,8 @@ impl Shared {
     fn poll_reset(&self, wish: u64, waker: &Waker) -> Poll<Result<Emptied>> {
         let mut inbox = self.inbox();
         if inbox.resets.done >= wish {
-            return Poll::Ready(Ok(inbox.resets.last));
+            let last = inbox.resets.last.clone();
+            return Poll::Ready(last.map_err(Error::FailedPrecondition));
         }
         if matches!(inbox.phase, Phase::Ended(_)) {
             return Poll::Ready(Err(stopping()));
@@ -273,12 +296,21 @@ impl Shared {
         Poll::Pending
     }
 
-    /// The empty map is published: tells those who wished for it.
-    pub(super) fn emptied(&self, emptied: Emptied) {
+    /// The empty map is published, or there is none: tells those who wished for it.
+    pub(super) fn emptied(&self, emptied: std::result::Result<Emptied, String>) {
         let mut inbox = self.inbox();
         inbox.resets.done = inbox.resets.begun;
         inbox.resets.last = emptied;
         wake(&mut inbox.watchers);
+    }
+
+    /// Adds to the errands; `None` if none will be run any more.
+    pub(super) fn with_running<T>(&self, add: impl FnOnce(&mut Errands) -> T) -> Option<T> {
+        let mut inbox = self.inbox();
+        let is_running = matches!(inbox.phase, Phase::Running);
+        let added = is_running.then(|| add(&mut inbox.errands));
+        self.bell.notify_one();
+        added
     }
 
     pub(super) fn stop(&self) {
@@ -294,10 +326,11 @@ impl Shared {
     pub(super) fn end(&self, problem: Option<String>) {
         let mut inbox = self.inbox();
         let waiting = drain(&mut inbox);
+        let errands = inbox.errands.take();
         inbox.phase = Phase::Ended(problem);
         wake(&mut inbox.senders);
         wake(&mut inbox.watchers);
-        drop(inbox);
+        drop((inbox, errands));
         wake(&mut self.followers());
         for job in waiting {
             job.ticket.settle(Verdict::Dropped(Reason::Stopping));
@@ -305,7 +338,7 @@ impl Shared {
     }
 }
 
-fn stopping() -> Error {
+pub(super) fn stopping() -> Error {
     Error::Unavailable("the server is stopping".into())
 }
 

@@ -265,6 +265,7 @@ mod tests {
             max_frame_age: Duration::from_secs(1),
             publish_interval: Duration::ZERO,
             store: None,
+            keep: crate::config::KeepConfig::default(),
         })
     }
 

@@ -6,21 +6,31 @@
 //! - No asynchronous runtime is named here: a full lane and the thread's end are told through
 //!   [`std::task::Waker`]s, which any runtime can drive.
 
+mod errand;
 mod handle;
+mod journal;
+mod keeper;
 mod lanes;
+mod ledger;
 mod order;
 pub mod persist;
+mod promise;
+mod receipt;
+mod recovery;
 mod thread;
 mod verdict;
 
 pub use handle::{Emptied, Handle, Published};
 pub use lanes::QueuePolicy;
+pub use ledger::StorageReport;
 pub use order::Session;
 pub use thread::Engine;
 pub use verdict::{FrameSink, Queue, Reason, Verdict};
 
 use std::path::PathBuf;
 use std::time::Duration;
+
+use crate::config::KeepConfig;
 
 /// Bounds and rhythm of the mapper thread.
 #[derive(Debug, Clone, PartialEq)]
@@ -35,6 +45,7 @@ pub struct EngineSettings {
     pub max_frame_age: Duration,
     /// While frames stream, a view is published at most this often; when none waits, at once.
     pub publish_interval: Duration,
-    /// Where the map is saved when the thread stops; `None` keeps it in memory only.
+    /// The map's file, and how it is kept up; `None` keeps the map in memory only.
     pub store: Option<PathBuf>,
+    pub keep: KeepConfig,
 }

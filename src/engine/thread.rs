@@ -7,12 +7,17 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::EngineSettings;
+use super::errand::Errand;
 use super::handle::{Emptied, Event, Handle, Published, Shared};
+use super::keeper::Keeper;
 use super::lanes::Job;
-use super::verdict::{Reason, Ticket, Verdict};
+use super::ledger::Ledger;
+use super::persist::Past;
+use super::promise::Promise;
+use super::receipt::Receipt;
+use super::verdict::{Reason, Verdict};
 use crate::error::{Error, Result};
 use crate::map::Mapper;
-use crate::storage;
 use crate::threads::Urgency;
 
 /// How long a slice of idle refinement may keep a new frame waiting.
@@ -31,11 +36,20 @@ pub struct Engine {
 
 impl Engine {
     /// Starts the thread that owns `mapper` from now on.
-    pub fn start(mut mapper: Mapper, settings: EngineSettings) -> Result<Self> {
-        let shared = Arc::new(Shared::new(&settings, snapshot(&mut mapper, None)));
+    pub fn start(mapper: Mapper, settings: EngineSettings) -> Result<Self> {
+        Self::resume(mapper, settings, Past::default())
+    }
+
+    /// The same for a map that was loaded, and what there was of it beside its file.
+    pub fn resume(mut mapper: Mapper, settings: EngineSettings, past: Past) -> Result<Self> {
+        let has_past = !past.segments.is_empty();
+        let ledger = Arc::<Ledger>::default();
+        let first = snapshot(&mut mapper, None);
+        let shared = Arc::new(Shared::new(&settings, first, ledger.clone()));
         let handle = Handle(shared.clone());
         let mut owner = Owner {
             mapper,
+            keeper: Keeper::new(settings.store.clone(), settings.keep.clone(), past, ledger)?,
             settings,
             shared,
             unpublished: Vec::new(),
@@ -49,6 +63,7 @@ impl Engine {
             .name("orenx-mapper".into())
             .spawn(move || {
                 Urgency::Patient.declare();
+                owner.keeper.begin(&owner.mapper, has_past);
                 owner.live()
             })
             .map_err(|e| Error::Internal(format!("the mapper thread did not start: {e}")))?;
@@ -87,11 +102,12 @@ impl Drop for Engine {
 /// What lives on the thread.
 struct Owner {
     mapper: Mapper,
+    keeper: Keeper,
     settings: EngineSettings,
     shared: Arc<Shared>,
     /// Integrated frames whose epoch no reader sees yet. Bounded by what fits in one publishing
     /// interval.
-    unpublished: Vec<(Ticket, u64)>,
+    unpublished: Vec<(Receipt, u64)>,
     published_at: Instant,
     /// When the last frame was integrated.
     framed_at: Instant,
@@ -111,17 +127,17 @@ impl Owner {
             Err(lost @ Error::DeviceLost(_)) => {
                 tracing::error!(error = %lost, "saving what readers have");
                 self.mapper.rescue()?;
-                self.save()?;
+                self.keeper.save_now(&self.mapper)?;
                 Err(lost)
             }
-            worked => worked.and_then(|()| self.save()),
+            worked => worked.and_then(|()| self.keeper.save_now(&self.mapper)),
         }));
+        self.keeper.close();
         let result = outcome.unwrap_or_else(|panic| {
             Err(Error::Internal(format!("the mapper thread failed: {}", message(&*panic))))
         });
-        for (ticket, _) in self.unpublished.drain(..) {
-            let problem = Error::Internal("the mapper failed before this frame was seen".into());
-            ticket.settle(Verdict::Rejected(problem));
+        for (receipt, _) in self.unpublished.drain(..) {
+            receipt.fail(Error::Internal("the mapper failed before this frame was seen".into()));
         }
         self.shared.end(result.as_ref().err().map(ToString::to_string));
         result
@@ -133,6 +149,13 @@ impl Owner {
                 Event::Frame(job, behind) => self.integrate(*job, behind)?,
                 Event::Idle => self.idle(Instant::now())?,
                 Event::Reset(waiting) => self.reset(waiting)?,
+                Event::Errand(Errand::Snapshot { path, done }, _) => {
+                    self.settle_down()?;
+                    self.keeper.snapshot(&self.mapper, path, done);
+                }
+                Event::Errand(Errand::Restore { mapper, done }, waiting) => {
+                    self.restore(*mapper, waiting, done);
+                }
                 Event::Stop(waiting) => {
                     drop_all(waiting, Reason::Stopping);
                     self.mapper.finish()?;
@@ -140,12 +163,23 @@ impl Owner {
                     return Ok(());
                 }
             }
+            let now = Instant::now();
+            if self.keeper.due_in(now).is_some_and(|left| left.is_zero()) {
+                self.settle_down()?;
+                self.keeper.save_behind(&self.mapper, now);
+            }
         }
     }
 
     /// How long to wait for a frame before there is something else to do; without end when nothing
     /// is left, so that an idle map costs nothing.
     fn patience(&self, now: Instant) -> Option<Duration> {
+        let due = [self.rest(now), self.keeper.due_in(now)];
+        due.into_iter().flatten().min()
+    }
+
+    /// How long until there is something to publish or to refine.
+    fn rest(&self, now: Instant) -> Option<Duration> {
         let until = |interval: Duration, since| interval.saturating_sub(now.duration_since(since));
         if !self.unpublished.is_empty() {
             Some(Duration::ZERO)
@@ -164,7 +198,8 @@ impl Owner {
         self.mapper.set_behind(u32::try_from(behind).unwrap_or(u32::MAX));
         match self.mapper.integrate(&job.frame) {
             Ok(outcome) => {
-                self.unpublished.push((job.ticket, outcome.epoch));
+                let receipt = self.keeper.take(job.frame, outcome.epoch, job.ticket);
+                self.unpublished.push((receipt, outcome.epoch));
                 self.newest_arrival = self.newest_arrival.max(Some(job.arrived));
                 self.refining = true;
             }
@@ -190,9 +225,10 @@ impl Owner {
             self.publish(now);
             return Ok(());
         }
-        if self.refining {
+        if self.refining && now.duration_since(self.framed_at) >= QUIET {
             self.refining = self.mapper.refine(REFINE_SLICE)?;
             self.refined = true;
+            self.keeper.note_change();
         }
         if self.refined && now.duration_since(self.published_at) >= REFINE_INTERVAL {
             if !self.refining {
@@ -206,17 +242,46 @@ impl Owner {
     /// Empties the map. Frames that are in it already are published first: their acks name an epoch
     /// that holds them.
     fn reset(&mut self, waiting: VecDeque<Job>) -> Result<()> {
+        let empty = self.mapper.emptied()?;
+        let emptied = self.become_another(empty, waiting);
+        if let Ok(Emptied { epoch, frames_dropped }) = emptied {
+            tracing::info!(epoch, frames_dropped, "the map was emptied");
+        }
+        self.shared.emptied(emptied.map_err(|error| error.to_string()));
+        Ok(())
+    }
+
+    /// Makes the map that of a snapshot.
+    fn restore(&mut self, mapper: Mapper, waiting: VecDeque<Job>, done: Promise<Emptied>) {
+        let restored = self.become_another(mapper, waiting);
+        if let Ok(Emptied { epoch, frames_dropped }) = restored {
+            tracing::info!(epoch, frames_dropped, "the map became a snapshot");
+        }
+        done.keep(restored);
+    }
+
+    /// Puts another map in the place of this one, once it is on disk: nobody is told of what a crash
+    /// could undo.
+    fn become_another(&mut self, mut mapper: Mapper, waiting: VecDeque<Job>) -> Result<Emptied> {
         if !self.unpublished.is_empty() {
             self.publish(Instant::now());
         }
         let frames_dropped = waiting.len() as u64;
         drop_all(waiting, Reason::Reset);
-        self.mapper.reset()?;
+        // What is saved is an epoch, after all that there were.
+        mapper.follow(self.mapper.stats().epoch);
+        mapper.publish_all()?;
+        self.keeper.save_now(&mapper)?;
+        self.mapper = mapper;
         (self.newest_arrival, self.refining) = (None, false);
         self.publish(Instant::now());
-        let epoch = self.mapper.stats().epoch;
-        tracing::info!(epoch, frames_dropped, "the map was emptied");
-        self.shared.emptied(Emptied { epoch, frames_dropped });
+        Ok(Emptied { epoch: self.mapper.stats().epoch, frames_dropped })
+    }
+
+    /// Brings everything that was taken in before the readers, so that what is saved is an epoch.
+    fn settle_down(&mut self) -> Result<()> {
+        self.mapper.finish()?;
+        self.publish(Instant::now());
         Ok(())
     }
 
@@ -225,15 +290,8 @@ impl Owner {
         self.shared.publish(snapshot(&mut self.mapper, self.newest_arrival));
         self.published_at = now;
         self.refined = false;
-        for (ticket, epoch) in self.unpublished.drain(..) {
-            ticket.settle(Verdict::Integrated { epoch });
-        }
-    }
-
-    fn save(&mut self) -> Result<()> {
-        match &self.settings.store {
-            Some(path) => storage::save(&mut self.mapper, path, false),
-            None => Ok(()),
+        for (receipt, epoch) in self.unpublished.drain(..) {
+            receipt.seen(epoch);
         }
     }
 }
@@ -260,11 +318,13 @@ fn message(panic: &(dyn std::any::Any + Send)) -> &str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::{MapConfig, MapSettings};
+    use crate::config::{KeepConfig, MapConfig, MapSettings};
     use crate::dataset::Dataset;
     use crate::dataset::synthetic::Synthetic;
+    use crate::engine::verdict::Ticket;
     use crate::engine::{FrameSink, Queue, QueuePolicy, Session};
     use crate::map::lose_device;
+    use crate::storage;
 
     struct Nobody;
 
@@ -287,11 +347,15 @@ mod tests {
             max_frame_age: Duration::ZERO,
             publish_interval: Duration::ZERO,
             store: None,
+            keep: KeepConfig::default(),
         };
         let mut mapper = Mapper::new(config).expect("an empty map");
-        let shared = Arc::new(Shared::new(&settings, snapshot(&mut mapper, None)));
+        let (ledger, first) = (Arc::<Ledger>::default(), snapshot(&mut mapper, None));
+        let shared = Arc::new(Shared::new(&settings, first, ledger.clone()));
         Owner {
             mapper,
+            keeper: Keeper::new(None, settings.keep.clone(), Past::default(), ledger)
+                .expect("no journal"),
             settings,
             shared,
             unpublished: Vec::new(),
@@ -355,7 +419,7 @@ mod tests {
             assert_eq!(emptied, Emptied { epoch: 2, frames_dropped: 1 }, "one reset for both");
         }
         let told = told.0.lock().expect("not poisoned").clone();
-        assert_eq!(told, ["Integrated { epoch: 1 }", "Dropped(Reset)"]);
+        assert_eq!(told, ["Integrated { epoch: 1, lapse: None }", "Dropped(Reset)"]);
         let now = published(&owner);
         assert_eq!((now.view.epoch(), now.stats.frames, now.framed_at), (2, 0, None));
         assert_eq!(owner.patience(Instant::now()), None, "nothing is left to refine");
@@ -403,7 +467,9 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("map.orenx");
         let mut owner = owner();
-        owner.settings.store = Some(path.clone());
+        owner.keeper =
+            Keeper::new(Some(path.clone()), KeepConfig::default(), Past::default(), Arc::default())
+                .expect("no journal");
         frame(&mut owner, 0);
         lose_device(&mut owner.mapper).expect("a CPU backend");
         let room = Synthetic::room(100).with_width(64);

@@ -22,7 +22,7 @@ pub enum Reason {
     Exhausted,
     /// Our own fault.
     Internal,
-    /// The map was emptied while the frame waited.
+    /// The map was emptied, or became a snapshot, while the frame waited.
     Reset,
     /// See [`Fault`] for these.
     PoseNotFinite,
@@ -111,8 +111,9 @@ impl Reason {
 /// The last word on a frame.
 #[derive(Debug)]
 pub enum Verdict {
-    /// In the map and visible to queries; the first epoch that holds it.
-    Integrated { epoch: u64 },
+    /// In the map and visible to queries; the first epoch that holds it, and, where there is a journal
+    /// and the frame is not in it, why: a crash may lose it.
+    Integrated { epoch: u64, lapse: Option<Arc<str>> },
     /// Was good, but gave way.
     Dropped(Reason),
     /// Was refused and left no trace in the map.
@@ -157,6 +158,10 @@ impl Queue {
 pub trait FrameSink: Send {
     /// The frame waits in its lane.
     fn accepted(&mut self, queue: Queue);
+    /// Queries see it. Not the last word yet where there is a journal.
+    fn visible(&mut self) {}
+    /// It is on the disk: a crash does not lose it. Where there is a journal, before the last word.
+    fn durable(&mut self) {}
     /// The last word; called exactly once.
     fn settle(self: Box<Self>, verdict: Verdict);
 }
@@ -173,6 +178,18 @@ impl Ticket {
     pub(super) fn accepted(&mut self, queue: Queue) {
         if let Some(sink) = &mut self.0 {
             sink.accepted(queue);
+        }
+    }
+
+    pub(super) fn visible(&mut self) {
+        if let Some(sink) = &mut self.0 {
+            sink.visible();
+        }
+    }
+
+    pub(super) fn durable(&mut self) {
+        if let Some(sink) = &mut self.0 {
+            sink.durable();
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use tokio::sync::mpsc::{self, OwnedPermit};
 use tokio::sync::watch;
@@ -15,9 +15,9 @@ use crate::error::Error;
 use crate::service::Service;
 use crate::wire::{Ending, FrameSummary, IncomingFrame, ack_to_wire, v1};
 
-/// Acks of one stream that may wait to be read, two a frame. A client that does not read its acks
+/// Acks of one stream that may wait to be read, three a frame. A client that does not read its acks
 /// stops being read when they are used up.
-const ACKS: usize = 128;
+const ACKS: usize = 192;
 
 type Ack = Result<v1::FrameAck, Status>;
 
@@ -64,12 +64,13 @@ struct FrameStream {
 }
 
 impl FrameStream {
-    /// Reads frames until the client or the server ends. Room for both acks of a frame is reserved
+    /// Reads frames until the client or the server ends. Room for all acks of a frame is reserved
     /// before it is read, so that telling them never blocks and never fails; acks still to come
     /// keep the stream open after this ends.
     async fn pump(mut self) {
         loop {
             let Ok(accepted) = self.acks.clone().reserve_owned().await else { return };
+            let Ok(durable) = self.acks.clone().reserve_owned().await else { return };
             let Ok(settled) = self.acks.clone().reserve_owned().await else { return };
             let next = tokio::select! {
                 next = self.frames.message() => next,
@@ -89,6 +90,8 @@ impl FrameStream {
                         ),
                         frame,
                         accepted: Some(accepted),
+                        durable: Some(durable),
+                        visible_after: None,
                         settled,
                     };
                     match self.take(message, Box::new(sink)).await {
@@ -99,7 +102,7 @@ impl FrameStream {
                 }
                 Ok(None) => return,
                 Err(status) => {
-                    drop((accepted, settled));
+                    drop((accepted, durable, settled));
                     return self.close(status).await;
                 }
             }
@@ -164,13 +167,21 @@ struct AckSink {
     arrived: Instant,
     queue: Queue,
     accepted: Option<OwnedPermit<Ack>>,
+    durable: Option<OwnedPermit<Ack>>,
+    /// How long it took until queries saw it.
+    visible_after: Option<Duration>,
     settled: OwnedPermit<Ack>,
 }
 
 impl AckSink {
     fn ack(&self, verdict: Option<&Verdict>) -> v1::FrameAck {
         let newest = self.service.newest(&self.map_id);
-        ack_to_wire(&self.frame, verdict, newest, &self.queue, self.arrived.elapsed())
+        let spent = match verdict {
+            Some(Verdict::Integrated { .. }) => self.visible_after,
+            _ => None,
+        };
+        let spent = spent.unwrap_or_else(|| self.arrived.elapsed());
+        ack_to_wire(&self.frame, verdict, newest, &self.queue, spent)
     }
 }
 
@@ -179,6 +190,18 @@ impl FrameSink for AckSink {
         self.queue = queue;
         let ack = self.ack(None);
         if let Some(permit) = self.accepted.take() {
+            permit.send(Ok(ack));
+        }
+    }
+
+    fn visible(&mut self) {
+        self.visible_after = Some(self.arrived.elapsed());
+    }
+
+    fn durable(&mut self) {
+        let mut ack = self.ack(None);
+        ack.set_status(v1::FrameStatus::Durable);
+        if let Some(permit) = self.durable.take() {
             permit.send(Ok(ack));
         }
     }

@@ -44,18 +44,27 @@ impl Mapper {
         Self::with_pools(Arc::new(config), pool("fuse")?, pool("train")?)
     }
 
-    /// Forgets everything and keeps the settings and the threads. The next publication is of an
-    /// epoch after the last one, so that a reader sees that the map has changed.
+    /// Forgets everything and keeps the settings and the threads.
     pub fn reset(&mut self) -> Result<()> {
+        *self = self.emptied()?;
+        Ok(())
+    }
+
+    /// An empty map in the place of this one, with its settings and its threads.
+    pub fn emptied(&self) -> Result<Self> {
         let mut empty =
             Self::with_pools(self.config.clone(), self.pool.clone(), self.trainers.clone())?;
         empty.train_on(self.trainer)?;
         empty.language = empty.language.map(LanguageField::with_given).transpose()?;
-        let epoch = self.stats.epoch;
-        *self = empty;
-        self.stats.epoch = epoch;
+        empty.follow(self.stats.epoch);
+        Ok(empty)
+    }
+
+    /// Takes the place of a map of this epoch: the next publication is of a later one, so that a reader
+    /// sees that the map has changed.
+    pub fn follow(&mut self, epoch: u64) {
+        self.stats.epoch = self.stats.epoch.max(epoch);
         self.changed = true;
-        Ok(())
     }
 
     fn with_pools(

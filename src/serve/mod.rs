@@ -15,6 +15,7 @@ mod planner;
 mod request_id;
 mod ros2;
 mod run;
+mod snapshots;
 mod stream;
 mod tls;
 mod watch;

@@ -32,6 +32,7 @@ use crate::wire::v1::mirror_server::MirrorServer;
 use crate::wire::v1::planner_server::PlannerServer;
 use crate::wire::v1::query_server::QueryServer;
 use crate::wire::v1::render_server::RenderServer;
+use crate::wire::v1::snapshots_server::SnapshotsServer;
 use crate::wire::{DESCRIPTORS, MAX_MESSAGE_BYTES};
 
 /// How long connections may take to end once the server stops. Streams end by themselves when their
@@ -102,6 +103,7 @@ pub async fn run(
         .add_service(planner)
         .add_service(AdminServer::new(Desk(written)))
         .add_service(MirrorServer::new(edge.clone()))
+        .add_service(SnapshotsServer::new(edge.clone()))
         .add_service(MapsServer::new(edge))
         .serve_with_incoming_shutdown(Incoming::new(listener, entrance), async move {
             // An error means that `run` is gone, and everything with it.
@@ -172,6 +174,7 @@ async fn set_health(health: &HealthReporter, status: ServingStatus) {
         <PlannerServer<Edge> as NamedService>::NAME,
         <QueryServer<Edge> as NamedService>::NAME,
         <RenderServer<Edge> as NamedService>::NAME,
+        <SnapshotsServer<Edge> as NamedService>::NAME,
     ] {
         health.set_service_status(name, status).await;
     }

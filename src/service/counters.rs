@@ -176,12 +176,18 @@ impl FrameSink for Counted {
         self.inner.accepted(queue);
     }
 
+    fn visible(&mut self) {
+        self.counters.visible_after.observe(self.arrived.elapsed());
+        self.inner.visible();
+    }
+
+    fn durable(&mut self) {
+        self.inner.durable();
+    }
+
     fn settle(self: Box<Self>, verdict: Verdict) {
         let counter = match &verdict {
-            Verdict::Integrated { .. } => {
-                self.counters.visible_after.observe(self.arrived.elapsed());
-                &self.counters.integrated
-            }
+            Verdict::Integrated { .. } => &self.counters.integrated,
             Verdict::Dropped(reason) => &self.counters.dropped[*reason as usize],
             Verdict::Rejected(error) => &self.counters.rejected[Reason::of(error) as usize],
         };

@@ -2,6 +2,7 @@
 
 use super::{FrameCounts, RobotReport};
 use crate::config::MapConfig;
+use crate::engine::StorageReport;
 use crate::geometry::Aabb;
 use crate::map::{MapStats, MapView};
 use crate::telemetry::Distribution;
@@ -34,6 +35,8 @@ pub struct MapReport {
     pub counts: FrameCounts,
     /// By id.
     pub robots: Vec<RobotReport>,
+    /// How the map is kept on disk.
+    pub storage: StorageReport,
     /// Memory held by the process, bytes; 0 where the system does not tell.
     pub resident_bytes: u64,
 }

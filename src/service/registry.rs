@@ -1,5 +1,8 @@
 //! The maps of a server: each with its thread, its counters and its folder.
 
+mod opening;
+mod shelves;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
@@ -9,10 +12,10 @@ use tokio::sync::watch;
 use super::counters::Tallies;
 use super::{DEFAULT_MAP, MapDetail, MapSummary};
 use crate::config::{MapConfig, MapSettings, ServerConfig};
-use crate::engine::{Engine, EngineSettings, Handle, persist};
+use crate::engine::{Engine, EngineSettings, Handle};
 use crate::error::{Error, Result};
-use crate::map::{Mapper, Trainer};
-use crate::storage;
+use crate::map::Trainer;
+use crate::storage::Shelf;
 
 /// A map's state in its folder.
 const MAP_FILE: &str = "map.orenx";
@@ -99,6 +102,7 @@ impl Registry {
                     max_frame_age: config.max_frame_age,
                     publish_interval: config.publish_interval,
                     store: None,
+                    keep: config.keep.clone(),
                 },
                 storage: config.storage.clone(),
                 max_maps: config.max_maps,
@@ -297,43 +301,15 @@ impl Registry {
 }
 
 impl Ground {
-    /// The map of a folder, or an empty one with `config`.
-    fn open(&self, map_id: &str, config: MapConfig) -> Result<Arc<Map>> {
-        let store = self.store(map_id)?;
-        let mapper = match &store {
-            Some(path) => persist::load(path, config)?,
-            None => Mapper::new(config)?,
-        };
-        self.run(mapper, store)
-    }
-
-    /// An empty map, and its file.
-    fn make(&self, map_id: &str, config: MapConfig) -> Result<Arc<Map>> {
-        let mut mapper = Mapper::new(config)?;
-        let store = self.store(map_id)?;
-        if let Some(path) = &store {
-            storage::save(&mut mapper, path, false)?;
-        }
-        self.run(mapper, store)
-    }
-
-    fn run(&self, mut mapper: Mapper, store: Option<PathBuf>) -> Result<Arc<Map>> {
-        mapper.train_on(self.trainer)?;
-        mapper.set_trainer_nice(self.trainer_nice)?;
-        let engine = Engine::start(mapper, EngineSettings { store, ..self.engine.clone() })?;
-        Ok(Arc::new(Map {
-            handle: engine.handle(),
-            tallies: Tallies::default(),
-            engine: Mutex::new(Some(engine)),
-        }))
-    }
-
     /// Where a map is kept. Makes its folder, so that a wrong path is found at the start and not at
     /// the end.
     fn store(&self, map_id: &str) -> Result<Option<PathBuf>> {
         let Some(storage) = &self.storage else { return Ok(None) };
         let folder = storage.join(map_id);
         std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, e))?;
+        if let Err(error) = Shelf::of(&folder).tidy() {
+            tracing::warn!("map '{map_id}': {error}");
+        }
         Ok(Some(folder.join(MAP_FILE)))
     }
 

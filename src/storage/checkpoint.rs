@@ -36,12 +36,75 @@ struct KeyRecord {
     frames: Vec<FrameRecord>,
 }
 
+/// How far into its journal a map has come: frames up to `position` of the journal with this number are
+/// in it, or it was made not to have them. Zeros: no journal.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Mark {
+    pub journal: u64,
+    pub position: u64,
+}
+
 /// Saves a map: all of it, or with `compact` only what answers.
 pub fn save(mapper: &mut Mapper, path: &Path, compact: bool) -> Result<()> {
     if compact {
         save_compact(&*mapper.publish_all()?, path)
     } else {
-        save_checkpoint(mapper, path)
+        save_marked(mapper, Mark::default(), path)
+    }
+}
+
+/// Saves all of a map, and how far into its journal it has come.
+pub fn save_marked(mapper: &Mapper, mark: Mark, path: &Path) -> Result<()> {
+    with_sections(mapper, mark, |sections| sections.write(path))
+}
+
+/// A map's whole state in memory, on its way to a file.
+#[derive(Debug)]
+pub struct Checkpoint(Sections<'static>);
+
+impl Checkpoint {
+    /// Copies the state, so that the map can go on while it is written.
+    pub fn of(mapper: &Mapper, mark: Mark) -> Result<Self> {
+        with_sections(mapper, mark, |sections| Ok(Self(sections.into_owned())))
+    }
+
+    /// Its size, without the heads of its sections.
+    pub fn bytes(&self) -> usize {
+        self.0.bytes()
+    }
+
+    /// Writes it, whole or not at all.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        self.0.write(path)
+    }
+}
+
+/// What a checkpoint's file says about itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Summary {
+    pub epoch: u64,
+    pub frames: u64,
+    pub newest_stamp_ns: i64,
+}
+
+impl Summary {
+    /// Reads the few bytes that it takes, and checks no others.
+    pub fn peek(path: &Path) -> Result<Self> {
+        Self::of(&Sections::peek(path, PROGRESS)?.take_record(PROGRESS)?)
+    }
+
+    /// Reads a file from end to end in little memory: every byte is as it was written, and it is a
+    /// checkpoint.
+    pub fn verify(path: &Path) -> Result<Self> {
+        let mut sections = Sections::examine(path, &ALL, &[KIND, CONFIG, PROGRESS])?;
+        check_kind(sections.take_record(KIND)?, path)?;
+        sections.take_record::<MapConfig>(CONFIG)?;
+        Self::of(&sections.take_record(PROGRESS)?)
+    }
+
+    fn of(progress: &Progress) -> Result<Self> {
+        let Progress { stats, newest_stamp_ns, .. } = progress;
+        Ok(Self { epoch: stats.epoch, frames: stats.frames, newest_stamp_ns: *newest_stamp_ns })
     }
 }
 
@@ -56,12 +119,25 @@ pub fn load_with(
     path: &Path,
     settle: impl FnOnce(MapConfig) -> Result<MapConfig>,
 ) -> Result<Mapper> {
+    load_marked(path, settle).map(|(mapper, _)| mapper)
+}
+
+/// The same, and how far into its journal the map had come.
+pub fn load_marked(
+    path: &Path,
+    settle: impl FnOnce(MapConfig) -> Result<MapConfig>,
+) -> Result<(Mapper, Mark)> {
     let mut sections = Sections::read(path, &ALL)?;
-    match sections.take_record(KIND)? {
-        Kind::Checkpoint => {
-            let config = settle(take_config(&mut sections)?)?;
-            take_mapper(config, &mut sections)
-        }
+    check_kind(sections.take_record(KIND)?, path)?;
+    let config = settle(take_config(&mut sections)?)?;
+    let is_marked = sections.tags().any(|tag| tag == MARK);
+    let mark = if is_marked { sections.take_record(MARK)? } else { Mark::default() };
+    Ok((take_mapper(config, &mut sections)?, mark))
+}
+
+fn check_kind(kind: Kind, path: &Path) -> Result<()> {
+    match kind {
+        Kind::Checkpoint => Ok(()),
         Kind::Compact => Err(Error::FailedPrecondition(format!(
             "{}: saved with --compact, which answers but cannot go on mapping",
             path.display()
@@ -81,7 +157,12 @@ pub fn load_view(path: &Path) -> Result<Arc<MapView>> {
     }
 }
 
-fn save_checkpoint(mapper: &Mapper, path: &Path) -> Result<()> {
+/// Lends out the sections of a checkpoint.
+fn with_sections<T>(
+    mapper: &Mapper,
+    mark: Mark,
+    act: impl FnOnce(Sections<'_>) -> Result<T>,
+) -> Result<T> {
     let state = mapper.state()?;
     let (surface, keys) = (&state.surface, &state.key_frames);
     let learned: Vec<[f32; COLUMNS]> = state.backend.learned.iter().map(columns).collect();
@@ -125,7 +206,10 @@ fn save_checkpoint(mapper: &Mapper, path: &Path) -> Result<()> {
     if let Some(language) = &state.language {
         put_language(&mut out, language)?;
     }
-    out.write(path)
+    if mark != Mark::default() {
+        out.put_record(MARK, &mark)?;
+    }
+    act(out)
 }
 
 /// Radiance and language have records of their own, which maps from before there were any do not

@@ -1,7 +1,7 @@
 //! Reads a file of sections and believes nothing in it.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{ErrorKind, Read};
+use std::io::{ErrorKind, Read, Seek};
 use std::path::Path;
 
 use super::sections::{END, MAGIC, MAX_SECTIONS, Tag, VERSION};
@@ -17,6 +17,8 @@ pub(super) struct Reader<'a, R> {
     remaining: u64,
     path: &'a Path,
     wanted: &'a [Tag],
+    /// Known, checked and not kept.
+    passed: &'a [Tag],
 }
 
 /// What stands before a payload.
@@ -30,7 +32,33 @@ struct Head {
 
 impl<'a, R: Read> Reader<'a, R> {
     pub(super) fn new(input: R, length: u64, path: &'a Path, wanted: &'a [Tag]) -> Self {
-        Self { input, remaining: length, path, wanted }
+        Self { input, remaining: length, path, wanted, passed: &[] }
+    }
+
+    /// Does not mind sections that are `known` and not wanted.
+    pub(super) fn passing(self, known: &'a [Tag]) -> Self {
+        Self { passed: known, ..self }
+    }
+
+    /// The payload of one section; what is before it is stepped over unread.
+    pub(super) fn find(mut self, wanted: Tag) -> Result<Vec<u8>>
+    where
+        R: Seek,
+    {
+        self.read_start()?;
+        loop {
+            let head = self.read_head()?;
+            if head.tag == wanted {
+                return self.read_payload(head);
+            }
+            if head.tag == END {
+                return Err(self.damaged(wanted, "it is missing"));
+            }
+            // Compared with what remains, and so within i64.
+            let over = self.input.seek_relative(head.length as i64);
+            over.map_err(|source| Error::io(self.path, source))?;
+            self.remaining -= head.length;
+        }
     }
 
     pub(super) fn read(mut self) -> Result<BTreeMap<Tag, Vec<u8>>> {
@@ -135,7 +163,7 @@ impl<'a, R: Read> Reader<'a, R> {
         let tag = head.tag;
         // Damage is told first: a flipped bit must not look like a newer file.
         self.check(head)?;
-        if tag.is_optional() {
+        if tag.is_optional() || self.passed.contains(&tag) {
             return Ok(());
         }
         Err(Error::FailedPrecondition(format!(

@@ -168,12 +168,38 @@ impl<'a> Sections<'a> {
     /// Reads the sections of `path` that are `wanted`, and checks all of it. A section that is not
     /// wanted is passed over if it is optional, and an error if it is not.
     pub fn read(path: &Path, wanted: &[Tag]) -> Result<Sections<'static>> {
-        let file = File::open(path).map_err(|source| Error::io(path, source))?;
-        let metadata = file.metadata().map_err(|source| Error::io(path, source))?;
-        if !metadata.is_file() {
-            return Err(Error::invalid(path.display().to_string(), "must be a file"));
-        }
-        Self::read_from(BufReader::new(file), metadata.len(), path, wanted)
+        let (input, length) = open(path)?;
+        Self::read_from(input, length, path, wanted)
+    }
+
+    /// The same, but of what is `known` only what is `kept` stays in memory.
+    pub fn examine(path: &Path, known: &[Tag], kept: &[Tag]) -> Result<Sections<'static>> {
+        let (input, length) = open(path)?;
+        let payloads = Reader::new(input, length, path, kept).passing(known).read()?;
+        Ok(Self::of(path, payloads))
+    }
+
+    /// Reads one section, and checks no other.
+    pub fn peek(path: &Path, tag: Tag) -> Result<Sections<'static>> {
+        let (input, length) = open(path)?;
+        let payload = Reader::new(input, length, path, &[]).find(tag)?;
+        Ok(Self::of(path, [(tag, payload)].into()))
+    }
+
+    fn of(path: &Path, payloads: BTreeMap<Tag, Vec<u8>>) -> Sections<'static> {
+        let payloads = payloads.into_iter().map(|(tag, bytes)| (tag, Cow::Owned(bytes))).collect();
+        Sections { file: path.display().to_string(), payloads }
+    }
+
+    /// Bytes of all payloads.
+    pub fn bytes(&self) -> usize {
+        self.payloads.values().map(|payload| payload.len()).sum()
+    }
+
+    /// Copies what is borrowed.
+    pub fn into_owned(self) -> Sections<'static> {
+        let owned = |(tag, bytes): (Tag, Cow<'_, [u8]>)| (tag, Cow::Owned(bytes.into_owned()));
+        Sections { file: self.file, payloads: self.payloads.into_iter().map(owned).collect() }
     }
 
     pub(super) fn write_to(&self, out: &mut impl Write) -> io::Result<()> {
@@ -192,10 +218,18 @@ impl<'a> Sections<'a> {
         path: &Path,
         wanted: &[Tag],
     ) -> Result<Sections<'static>> {
-        let payloads = Reader::new(input, length, path, wanted).read()?;
-        let payloads = payloads.into_iter().map(|(tag, bytes)| (tag, Cow::Owned(bytes))).collect();
-        Ok(Sections { file: path.display().to_string(), payloads })
+        Ok(Self::of(path, Reader::new(input, length, path, wanted).read()?))
     }
+}
+
+/// A file and its length.
+fn open(path: &Path) -> Result<(BufReader<File>, u64)> {
+    let file = File::open(path).map_err(|source| Error::io(path, source))?;
+    let metadata = file.metadata().map_err(|source| Error::io(path, source))?;
+    if !metadata.is_file() {
+        return Err(Error::invalid(path.display().to_string(), "must be a file"));
+    }
+    Ok((BufReader::new(file), metadata.len()))
 }
 
 fn encoding<const LIMIT: usize>() -> impl bincode::config::Config {

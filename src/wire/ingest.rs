@@ -150,9 +150,12 @@ pub fn ack_to_wire(
     };
     match verdict {
         None => {}
-        Some(Verdict::Integrated { epoch }) => {
+        Some(Verdict::Integrated { epoch, lapse }) => {
             ack.set_status(v1::FrameStatus::Integrated);
             ack.epoch = *epoch;
+            if let Some(reason) = lapse {
+                ack.message = format!("not durable: {reason}");
+            }
         }
         Some(Verdict::Dropped(reason)) => {
             ack.set_status(v1::FrameStatus::Dropped);
@@ -411,8 +414,13 @@ mod tests {
         assert_eq!((accepted.status(), accepted.epoch), (v1::FrameStatus::Accepted, 8));
         assert_eq!((accepted.seq, accepted.newest_stamp_ns, accepted.server_us), (4, 99, 7));
         assert_eq!((accepted.queue_depth, accepted.queue_capacity, accepted.credit), (1, 2, 1));
-        let integrated = ack(Some(&Verdict::Integrated { epoch: 7 }));
+        let integrated = ack(Some(&Verdict::Integrated { epoch: 7, lapse: None }));
         assert_eq!((integrated.status(), integrated.epoch), (v1::FrameStatus::Integrated, 7));
+        let lapse = Some("the disk is full".into());
+        let lapsed = ack(Some(&Verdict::Integrated { epoch: 7, lapse }));
+        assert_eq!(lapsed.message, "not durable: the disk is full");
+        assert_eq!(lapsed.status(), integrated.status());
+        assert_eq!(integrated.message, "");
         let error = Error::invalid("depth.data", "12 bytes");
         let rejected = ack(Some(&Verdict::Rejected(error)));
         assert_eq!(rejected.status(), v1::FrameStatus::Rejected);

@@ -1,6 +1,6 @@
 //! `maps.proto`: lists of maps and their counters.
 
-use std::time::Duration;
+use std::time::{Duration, UNIX_EPOCH};
 
 use super::geometry::{
     aabb_from_wire, aabb_to_wire, intrinsics_from_wire, intrinsics_to_wire, pose_from_wire,
@@ -8,7 +8,7 @@ use super::geometry::{
 };
 use super::v1;
 use crate::config::name_of;
-use crate::engine::{Emptied, Reason};
+use crate::engine::{Emptied, Reason, StorageReport};
 use crate::error::Result;
 use crate::map::MapStats;
 use crate::service::{FrameCounts, MapDetail, MapReport, MapSummary, RobotReport, Sighting};
@@ -57,7 +57,7 @@ pub fn map_reset_to_wire(emptied: Emptied, spent: Duration) -> v1::ResetMapReply
 
 /// The message of one map's counters.
 pub fn map_stats_to_wire(report: MapReport, spent: Duration) -> v1::GetMapStatsReply {
-    let MapReport { summary, stats, counts, robots, resident_bytes } = report;
+    let MapReport { summary, stats, counts, robots, storage, resident_bytes } = report;
     v1::GetMapStatsReply {
         epoch: summary.epoch,
         newest_stamp_ns: summary.newest_stamp_ns,
@@ -75,6 +75,8 @@ pub fn map_stats_to_wire(report: MapReport, spent: Duration) -> v1::GetMapStatsR
         stages_ms: values_to_wire(stats.stages_ms),
         counts: Some(counts_to_wire(&counts)),
         robots: robots.iter().map(robot_to_wire).collect(),
+        storage_problem: storage.problem.clone(),
+        storage: Some(storage_to_wire(&storage)),
         resident_bytes,
         server_us: spent.as_micros() as u64,
     }
@@ -102,8 +104,36 @@ pub fn map_stats_from_wire(message: v1::GetMapStatsReply) -> Result<MapReport> {
         },
         counts: counts_from_wire(&required("counts", message.counts)?),
         robots,
+        storage: storage_from_wire(message.storage_problem, message.storage),
         resident_bytes: message.resident_bytes,
     })
+}
+
+fn storage_to_wire(report: &StorageReport) -> v1::MapStorage {
+    let since = report.saved_at.and_then(|at| at.duration_since(UNIX_EPOCH).ok());
+    v1::MapStorage {
+        saved_epoch: report.saved_epoch,
+        saved_ns: since.map_or(0, |since| since.as_nanos() as i64),
+        journal: report.journal,
+        journal_bytes: report.journal_bytes,
+        journal_frames: report.journal_frames,
+        recovery: report.recovery.clone(),
+    }
+}
+
+/// Of a server that does not tell it yet there is nothing to say.
+fn storage_from_wire(problem: String, message: Option<v1::MapStorage>) -> StorageReport {
+    let message = message.unwrap_or_default();
+    let since = u64::try_from(message.saved_ns).ok().filter(|ns| *ns > 0);
+    StorageReport {
+        problem,
+        recovery: message.recovery,
+        journal: message.journal,
+        journal_bytes: message.journal_bytes,
+        journal_frames: message.journal_frames,
+        saved_epoch: message.saved_epoch,
+        saved_at: since.map(|ns| UNIX_EPOCH + Duration::from_nanos(ns)),
+    }
 }
 
 fn counts_to_wire(counts: &FrameCounts) -> v1::FrameCounts {
@@ -254,6 +284,15 @@ mod tests {
             },
             robots: vec![RobotReport { robot_id: "r".into(), counts: counts.clone(), newest }],
             counts,
+            storage: StorageReport {
+                problem: "disk full".into(),
+                recovery: "3 frames".into(),
+                journal: true,
+                journal_bytes: 16,
+                journal_frames: 17,
+                saved_epoch: 18,
+                saved_at: Some(UNIX_EPOCH + Duration::from_nanos(19)),
+            },
             resident_bytes: 15,
         };
         let message = map_stats_to_wire(report.clone(), Duration::from_micros(16));

@@ -19,6 +19,7 @@ mod planner;
 mod query;
 mod render;
 pub mod ros2;
+mod snapshots;
 mod status;
 
 pub use codec::{Messages, read_message};
@@ -55,6 +56,10 @@ pub use render::{
     image_question_to_wire, image_reply_from_wire, image_reply_to_wire,
     stream_image_question_from_wire, stream_image_question_to_wire, stream_image_reply_from_wire,
     stream_image_reply_to_wire,
+};
+pub use snapshots::{
+    created_to_wire, restored_to_wire, snapshot_from_wire, snapshot_list_from_wire,
+    snapshot_list_to_wire, uploaded_to_wire,
 };
 pub use status::{Codes, error_from_http, error_from_status, status_from_error};
 

@@ -7,6 +7,7 @@ mod life;
 mod numbers;
 mod planner;
 mod refusals;
+mod snapshots;
 mod watches;
 
 use serde_json::Value;

@@ -1,8 +1,10 @@
 //! A whole server on a free port, asked through gRPC.
 
 mod bad_input;
+mod crash;
 mod frames;
 pub(crate) mod images;
+mod journal;
 pub(crate) mod language;
 mod lifecycle;
 mod maps;
@@ -10,6 +12,7 @@ mod mirror;
 pub(crate) mod planner;
 mod questions;
 mod sensors;
+mod snapshots;
 mod streams;
 mod zenoh;
 
@@ -131,7 +134,7 @@ pub(crate) async fn open_stream(
 pub(crate) async fn verdict(acks: &mut Streaming<v1::FrameAck>) -> v1::FrameAck {
     loop {
         let ack = acks.message().await.unwrap().expect("an ack");
-        if ack.status() != v1::FrameStatus::Accepted {
+        if !matches!(ack.status(), v1::FrameStatus::Accepted | v1::FrameStatus::Durable) {
             return ack;
         }
     }

@@ -137,7 +137,9 @@ impl Run {
     async fn hear(&mut self, ack: v1::FrameAck) -> Result<()> {
         let of = (ack.robot_id.clone(), ack.sensor_id.clone(), ack.seq);
         let is_ours = match ack.status() {
-            v1::FrameStatus::Accepted => self.under_way.contains_key(&of),
+            v1::FrameStatus::Accepted | v1::FrameStatus::Durable => {
+                self.under_way.contains_key(&of)
+            }
             _ => self.under_way.remove(&of).is_some(),
         };
         if !is_ours {

@@ -1,7 +1,7 @@
 //! Acks: from the engine's threads, which must not wait, to a task that says them.
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use prost::Message;
 use tokio::sync::mpsc;
@@ -13,7 +13,7 @@ use crate::engine::{FrameSink, Queue, Verdict};
 use crate::service::Service;
 use crate::wire::{FrameSummary, ack_to_wire, v1};
 
-/// Acks that may wait to be said, two a frame. Beyond, they are dropped and counted.
+/// Acks that may wait to be said, up to three a frame. Beyond, they are dropped and counted.
 const WAITING: usize = 1024;
 
 /// An ack and whom it is for.
@@ -66,6 +66,8 @@ pub(super) struct AckSink {
     key: FrameKey,
     queue: Queue,
     arrived: Instant,
+    /// How long it took until queries saw it.
+    visible_after: Option<Duration>,
 }
 
 impl AckSink {
@@ -78,7 +80,8 @@ impl AckSink {
         queue: Queue,
         arrived: Instant,
     ) -> Box<Self> {
-        Box::new(Self { acks, service, map_id: map_id.into(), frame, key, queue, arrived })
+        let map_id = map_id.into();
+        Box::new(Self { acks, service, map_id, frame, key, queue, arrived, visible_after: None })
     }
 
     /// The sink of a frame whose sender nobody knows.
@@ -86,10 +89,17 @@ impl AckSink {
         Box::new(Silent)
     }
 
-    fn ack(&self, verdict: Option<&Verdict>) {
+    fn ack(&self, verdict: Option<&Verdict>) -> v1::FrameAck {
         let newest = self.service.newest(&self.map_id);
-        let spent = self.arrived.elapsed();
-        let ack = ack_to_wire(&self.frame, verdict, newest, &self.queue, spent);
+        let spent = match verdict {
+            Some(Verdict::Integrated { .. }) => self.visible_after,
+            _ => None,
+        };
+        let spent = spent.unwrap_or_else(|| self.arrived.elapsed());
+        ack_to_wire(&self.frame, verdict, newest, &self.queue, spent)
+    }
+
+    fn say(&self, ack: v1::FrameAck) {
         self.acks.send((self.key.clone(), ack));
     }
 }
@@ -97,11 +107,21 @@ impl AckSink {
 impl FrameSink for AckSink {
     fn accepted(&mut self, queue: Queue) {
         self.queue = queue;
-        self.ack(None);
+        self.say(self.ack(None));
+    }
+
+    fn visible(&mut self) {
+        self.visible_after = Some(self.arrived.elapsed());
+    }
+
+    fn durable(&mut self) {
+        let mut ack = self.ack(None);
+        ack.set_status(v1::FrameStatus::Durable);
+        self.say(ack);
     }
 
     fn settle(self: Box<Self>, verdict: Verdict) {
-        self.ack(Some(&verdict));
+        self.say(self.ack(Some(&verdict)));
     }
 }
 

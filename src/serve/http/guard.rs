@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use axum::body::Body;
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use http_body_util::BodyExt;
@@ -20,6 +20,9 @@ use crate::error::Error;
 
 /// The header in which a client says how long it will wait, ms.
 pub(super) const TIMEOUT: &str = "orenx-timeout-ms";
+
+/// How the route ends of what takes in files with PUT.
+const UPLOAD: &str = "/snapshots/{name}";
 
 /// Counts a request whatever becomes of it: one that is dropped belongs to a client that left.
 pub(super) async fn guard(State(edge): State<Arc<Edge>>, request: Request, next: Next) -> Response {
@@ -48,7 +51,9 @@ async fn admit(
     };
     let admitted = edge.entrance.gate.admit(&asked)?;
     tracing::Span::current().record("client", &*admitted.client);
-    let patience = patience(request.headers(), edge.limits.request_time)?;
+    let is_upload = request.method() == Method::PUT && route.is_some_and(|r| r.ends_with(UPLOAD));
+    let most = if is_upload { edge.limits.upload_time } else { edge.limits.request_time };
+    let patience = patience(request.headers(), most)?;
     // Probes and metrics must answer when nothing else does.
     let _place = match route {
         Some(route) if route.starts_with("/v1/") => {

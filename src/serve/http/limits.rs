@@ -37,6 +37,8 @@ pub(super) struct Limits {
     pub(super) body_time: Duration,
     /// How long a request may take in all, where the client does not say less.
     pub(super) request_time: Duration,
+    /// The same where a whole file comes in, whose pieces may each take as long as a body.
+    pub(super) upload_time: Duration,
     /// How long a client may take no byte of its answer.
     pub(super) write_time: Duration,
     /// How long what a refused client still sends is read, so that it sees why, and how much of it.
@@ -63,6 +65,7 @@ impl Limits {
             header_time: Duration::from_secs(30),
             body_time: Duration::from_secs(30),
             request_time: Duration::from_secs(60),
+            upload_time: Duration::from_secs(3600),
             write_time: Duration::from_secs(10),
             linger_time: Duration::from_secs(5),
             linger_bytes: 256 << 20,

@@ -13,12 +13,13 @@ use utoipa::ToSchema;
 
 use super::body::{Most, receive};
 use super::images::{CameraIntrinsics, CameraPose};
-use super::openapi::{self, ChangeRefusals, MapRefusals};
+use super::kept::{Storage, some};
+use super::openapi::{self, ChangeRefusals, MapRefusals, TransferRefusals};
 use super::parse::parse;
 use super::refusal::Refusal;
 use super::{Edge, MapId, json, schemas};
 use crate::config::name_of;
-use crate::engine::Reason;
+use crate::engine::{Emptied, Reason};
 use crate::service::{self, MapSummary, Service};
 
 /// The largest body of settings, bytes.
@@ -45,8 +46,8 @@ struct Map {
     bounds: Option<Bounds>,
     /// The fields that the map holds: "sdf", "occupancy", …
     modalities: Vec<String>,
-    /// Why the map is not served: its file could not be loaded, and stays as it is. Absent if it is
-    /// served.
+    /// Why the map is not served: its file could not be loaded, and stays as it is until the map is
+    /// reset or one of its snapshots restored. Absent if it is served.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = String, required = false)]
     problem: Option<String>,
@@ -128,6 +129,10 @@ pub(super) struct MapStats {
     atoms: u64,
     /// Memory held by the process; 0 where the system does not tell.
     resident_bytes: u64,
+    /// What is wrong with saving the map or with its journal; null if nothing is.
+    #[schema(required = true)]
+    storage_problem: Option<String>,
+    storage: Storage,
     /// Time spent in the server, microseconds.
     server_us: u64,
 }
@@ -280,6 +285,8 @@ pub(super) fn stats_of(service: &Service, map_id: &str) -> Result<MapStats, Refu
         },
         atoms: health.atoms as u64,
         resident_bytes: report.resident_bytes,
+        storage_problem: some(&report.storage.problem),
+        storage: Storage::of(&report.storage),
         server_us: since(started),
     })
 }
@@ -294,19 +301,25 @@ impl MapStats {
 /// Empties a map
 ///
 /// The frame at hand is finished, frames that wait are dropped, and an empty map of the same
-/// settings is published under a new epoch. Questions are answered meanwhile. The file on disk stays
-/// as it is until the server saves.
+/// settings is published under a new epoch. Questions are answered meanwhile. It is on disk
+/// before this returns; if it cannot be, the map stays as it was. Of a map that could not be loaded the
+/// file is set aside, and the map is served again.
 #[utoipa::path(post, path = "/v1/maps/{map}/reset", tag = "maps",
     params(openapi::MapPath),
-    responses((status = 200, description = "It is empty.", body = MapReset), MapRefusals))]
+    responses((status = 200, description = "It is empty.", body = MapReset), TransferRefusals))]
 pub(super) async fn reset(
     State(edge): State<Arc<Edge>>,
     MapId(map_id): MapId,
 ) -> Result<Response, Refusal> {
     let started = Instant::now();
-    let emptied = edge.service()?.reset_map(&map_id).await?;
-    let (epoch, frames_dropped) = (emptied.epoch, emptied.frames_dropped);
-    json(&MapReset { epoch, frames_dropped, server_us: since(started) })
+    json(&MapReset::of(edge.service()?.reset_map(&map_id).await?, started))
+}
+
+impl MapReset {
+    pub(super) fn of(emptied: Emptied, started: Instant) -> Self {
+        let Emptied { epoch, frames_dropped } = emptied;
+        Self { epoch, frames_dropped, server_us: since(started) }
+    }
 }
 
 impl MapDetail {
@@ -376,6 +389,6 @@ fn by_reason(counts: &[(Reason, u64)]) -> BTreeMap<&'static str, u64> {
     counts.iter().map(|(reason, count)| (reason.name(), *count)).collect()
 }
 
-fn since(started: Instant) -> u64 {
+pub(super) fn since(started: Instant) -> u64 {
     started.elapsed().as_micros() as u64
 }

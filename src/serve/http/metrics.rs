@@ -74,7 +74,7 @@ fn maps(page: &mut Page, service: &Service) {
     page.gauge("orenx_maps", "Maps, also those that are not served.", maps.len());
     page.gauge("orenx_maps_closed", "Maps that could not be loaded.", maps.len() - reports.len());
     type Value = fn(&MapReport) -> u64;
-    let families: [(&str, &str, &str, Value); 9] = [
+    let families: [(&str, &str, &str, Value); 11] = [
         ("orenx_map_epoch", "gauge", "The newest published epoch.", |m| m.summary.epoch),
         ("orenx_map_frames", "gauge", "Frames in the map.", |m| m.stats.frames),
         ("orenx_map_bytes", "gauge", "Memory held by the map.", |m| m.stats.map_bytes),
@@ -82,6 +82,8 @@ fn maps(page: &mut Page, service: &Service) {
         ("orenx_map_rows", "gauge", "Vertices with values.", |m| m.stats.rows),
         ("orenx_map_surfels", "gauge", "Surface elements.", |m| m.stats.surfels),
         ("orenx_map_key_frames", "gauge", "Views kept for training.", |m| m.stats.key_frames),
+        ("orenx_map_saved_epoch", "gauge", "The epoch on disk.", |m| m.storage.saved_epoch),
+        ("orenx_map_journal_bytes", "gauge", "Bytes of the journal.", |m| m.storage.journal_bytes),
         ("orenx_map_steps_total", "counter", "Training steps taken.", |m| m.stats.steps),
         (
             "orenx_map_voxels_refused_total",
@@ -95,6 +97,13 @@ fn maps(page: &mut Page, service: &Service) {
         for report in &reports {
             page.sample(name, &[("map", report.summary.map_id.as_str())], value(report));
         }
+    }
+    let name = "orenx_map_storage_problem";
+    let help = "Whether saving the map or its journal has a problem; the stats say which.";
+    page.family(name, "gauge", help);
+    for MapReport { summary, storage, .. } in &reports {
+        let labels = [("map", summary.map_id.as_str())];
+        page.sample(name, &labels, u8::from(!storage.problem.is_empty()));
     }
     let name = "orenx_map_newest_stamp_seconds";
     page.family(name, "gauge", "Capture time of the newest frame, Unix.");

@@ -14,7 +14,7 @@ use super::super::access::{KEY_HEADER, Needs, rule};
 use super::limits::Limits;
 use super::{
     admin, dashboard, events, images, language, maps, pieces, planner, points, probes, refusal,
-    slices, spheres, voxels, watches,
+    slices, snapshots, spheres, voxels, watches,
 };
 
 #[derive(OpenApi)]
@@ -33,13 +33,15 @@ use super::{
         images::render, language::text, language::embedding, language::classify,
         language::encoders, spheres::spheres, planner::trajectories, planner::rays,
         planner::nearest, voxels::grid, slices::png, slices::json, slices::bin,
-        watches::region, watches::trajectories
+        watches::region, watches::trajectories, snapshots::list, snapshots::create,
+        snapshots::download, snapshots::upload, snapshots::delete, snapshots::restore
     ),
     components(schemas(refusal::ErrorReply)),
     modifiers(&Keys),
     tags(
         (name = "server", description = "Who is there, and is it well?"),
         (name = "maps", description = "Which maps there are and how they are."),
+        (name = "snapshots", description = "Maps as files."),
         (name = "query", description = "Questions about places."),
         (name = "planner", description = "Questions that planners ask."),
         (name = "render", description = "Images from places."),
@@ -167,6 +169,19 @@ pub(super) struct MapPath {
     map: String,
 }
 
+/// The path's parts that name a snapshot.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Path)]
+#[expect(dead_code, reason = "stands for parts of the path in the document")]
+pub(super) struct SnapshotPath {
+    /// The map, as in "default".
+    #[param(example = "default")]
+    map: String,
+    /// The snapshot, as in "before-lunch".
+    #[param(example = "before-lunch")]
+    name: String,
+}
+
 /// What any path may answer instead.
 pub(super) struct Any;
 
@@ -200,6 +215,15 @@ pub(super) struct LogRefusals;
 impl IntoResponses for LogRefusals {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
         refusals(&[408, 409, 413])
+    }
+}
+
+/// What may be answered instead of a snapshot.
+pub(super) struct TransferRefusals;
+
+impl IntoResponses for TransferRefusals {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        refusals(&[404, 409, 429])
     }
 }
 
@@ -240,7 +264,7 @@ fn meaning(status: u16) -> &'static str {
         400 => "INVALID_ARGUMENT: the field and the limit that it broke are in the message.",
         401 => "UNAUTHENTICATED: the server wants a key, and there is none, or none of its own.",
         403 => "PERMISSION_DENIED: the key is of another role, or a page of another site asks.",
-        404 => "NOT_FOUND: no such map.",
+        404 => "NOT_FOUND: no such map, or no such snapshot.",
         406 => "NOT_ACCEPTABLE: there is no answer in the form that `accept` asks for.",
         408 => "REQUEST_TIMEOUT: the body did not arrive in time.",
         409 => {

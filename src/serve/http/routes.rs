@@ -7,7 +7,7 @@ use axum::routing::{get, post, put};
 
 use super::{
     Edge, admin, dashboard, events, images, language, maps, pieces, planner, points, probes,
-    slices, spheres, voxels, watches,
+    slices, snapshots, spheres, voxels, watches,
 };
 
 /// One line a path: for the router, for the counters, and for the tests of the document.
@@ -52,6 +52,10 @@ routes! {
     "/v1/maps/{map}/watch/trajectories" => post(watches::trajectories),
     "/v1/maps/{map}/mesh/pieces" => get(pieces::pieces),
     "/v1/maps/{map}/mesh.ply" => get(pieces::ply),
+    "/v1/maps/{map}/snapshots" => get(snapshots::list).post(snapshots::create),
+    "/v1/maps/{map}/snapshots/{name}" =>
+        get(snapshots::download).put(snapshots::upload).delete(snapshots::delete),
+    "/v1/maps/{map}/snapshots/{name}/restore" => post(snapshots::restore),
     "/v1/events" => get(events::events),
     "/assets/{file}" => get(dashboard::asset),
 }

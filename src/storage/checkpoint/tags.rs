@@ -31,6 +31,8 @@ pub(super) const PRIOR_HEADS: Tag = Tag(*b"PHEA");
 pub(super) const RINGED: Tag = Tag(*b"RING");
 /// Passed over by who only wants distances, and absent in files from before there were several.
 pub(super) const ROBOTS: Tag = Tag(*b"robo");
+/// Absent where there is no journal; says nothing to who only answers.
+pub(super) const MARK: Tag = Tag(*b"jour");
 pub(super) const KEY_FRAMES: Tag = Tag(*b"KREC");
 pub(super) const KEY_PIXELS: Tag = Tag(*b"KPIX");
 pub(super) const KEY_CELLS: Tag = Tag(*b"KCEL");
@@ -66,7 +68,7 @@ pub(super) const VIEWPOINTS: Tag = Tag(*b"vpts");
 pub(super) const VIEW: Tag = Tag(*b"VIEW");
 pub(super) const VIEW_ROWS: Tag = Tag(*b"VROW");
 
-pub(super) const ALL: [Tag; 61] = [
+pub(super) const ALL: [Tag; 62] = [
     KIND,
     CONFIG,
     PROGRESS,
@@ -95,6 +97,7 @@ pub(super) const ALL: [Tag; 61] = [
     PRIOR_HEADS,
     RINGED,
     ROBOTS,
+    MARK,
     KEY_FRAMES,
     KEY_PIXELS,
     KEY_CELLS,

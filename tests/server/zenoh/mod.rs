@@ -120,7 +120,7 @@ impl Robot {
     async fn verdict(&mut self) -> v1::FrameAck {
         loop {
             let ack = self.acks.recv().await.unwrap();
-            if ack.status() != v1::FrameStatus::Accepted {
+            if !matches!(ack.status(), v1::FrameStatus::Accepted | v1::FrameStatus::Durable) {
                 return ack;
             }
         }
