@@ -26,6 +26,16 @@ impl Deadline {
         Some(Self { at: Instant::now().checked_add(allowed)?, allowed })
     }
 
+    /// So long from now.
+    pub fn within(allowed: Duration) -> Self {
+        Self { at: Instant::now() + allowed, allowed }
+    }
+
+    /// The earlier of two.
+    pub fn sooner(self, other: Self) -> Self {
+        if other.at < self.at { other } else { self }
+    }
+
     /// Attaches the deadline to a call, for who streams: see [`Ending::of`].
     pub fn attach(self, extensions: &mut Extensions) {
         extensions.insert(self);

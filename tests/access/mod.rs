@@ -4,6 +4,8 @@
 mod certificates;
 mod keys;
 mod limits;
+mod operation;
+mod process;
 mod tls;
 
 use orenx::client::{Client, Credentials, HttpClient};

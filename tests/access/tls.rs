@@ -1,8 +1,5 @@
 //! Certificates of servers and of clients.
 
-use std::io::{BufRead, BufReader, Lines};
-use std::process::{Child, ChildStderr, Command, Stdio};
-
 use orenx::client::{Client, Credentials, HttpClient, Questioner};
 use orenx::config::Role;
 use orenx::error::Result;
@@ -10,6 +7,7 @@ use orenx::service::PointsQuestion;
 use rcgen::{ExtendedKeyUsagePurpose, date_time_ymd};
 
 use super::certificates::{Authority, speak_tls};
+use super::process::Process;
 use super::{ask, class, key, refused, showing, with_keys};
 use crate::server::{Bare, bare};
 use crate::support::command;
@@ -44,7 +42,11 @@ async fn both_ports_speak_tls_and_keys_are_needed_all_the_same() {
     assert_eq!(answered(&server, &deceived).await, [false; 2], "another authority");
     assert_eq!(answered(&server, &showing(&key(Role::Read))).await, [false; 2], "the system's");
     for url in [format!("http://{}", server.grpc), format!("http://{}", server.http)] {
-        assert!(Questioner::connect_with(&url, &known).await.is_err(), "in the clear: {url}");
+        let asked = async {
+            let client = Questioner::connect_with(&url, &known).await?;
+            client.ask(&PointsQuestion::new(vec![glam::Vec3::ONE])).await
+        };
+        assert!(asked.await.is_err(), "in the clear: {url}");
     }
     // One URL for either protocol.
     for at in [&server.grpc, &server.http] {
@@ -94,50 +96,6 @@ async fn clients_without_a_good_certificate_are_refused() {
     }
     assert_eq!(answered(&server, &good).await, [true; 2], "the server is well");
     server.stop().await.0.unwrap();
-}
-
-/// A server as a process, and what it writes to stderr.
-struct Process {
-    child: Child,
-    said: Lines<BufReader<ChildStderr>>,
-    grpc: String,
-}
-
-impl Process {
-    fn start(arguments: &[String]) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_orenx"))
-            .arg("serve")
-            .args(["--set", "storage.path=", "--set", "server.grpc=127.0.0.1:0"])
-            .args(["--set", "server.http="])
-            .args(arguments)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let out = BufReader::new(child.stdout.take().unwrap());
-        let line = out.lines().next().expect("a line").unwrap();
-        let grpc = line.split("://").nth(1).expect("an address").to_owned();
-        let said = BufReader::new(child.stderr.take().unwrap()).lines();
-        Self { child, said, grpc }
-    }
-
-    fn signal(&self, name: &str) {
-        let pid = self.child.id().to_string();
-        assert!(Command::new("kill").args([name, &pid]).status().unwrap().success());
-    }
-
-    /// Waits for a line with `part`.
-    fn hear(&mut self, part: &str) {
-        let mut lines = self.said.by_ref().map(|line| line.unwrap());
-        assert!(lines.any(|line| line.contains(part)), "it never said '{part}'");
-    }
-}
-
-impl Drop for Process {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
