@@ -7,12 +7,13 @@ use std::task::{Poll, Waker};
 use std::time::{Duration, Instant};
 
 use super::EngineSettings;
+use super::edits::{Answer, Edits, Wish};
 use super::lanes::{Job, Lanes, QueuePolicy};
 use super::order::Session;
 use super::verdict::{FrameSink, Queue, Reason, Ticket, Verdict};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
-use crate::map::{MapStats, MapView};
+use crate::map::{Edit, Edited, MapStats, MapView};
 
 /// The newest view and the map's counters when it was published.
 #[derive(Clone)]
@@ -98,6 +99,13 @@ impl Handle {
         poll_fn(|context| self.0.poll_reset(wish, context.waker())).await
     }
 
+    /// Changes the map by hand, after all frames that wait now, and publishes it. Returns when that is
+    /// done; dropping the future does not take the wish back.
+    pub async fn edit(&self, edit: Edit) -> Result<Edited> {
+        let answer = self.0.wish_edit(edit)?;
+        poll_fn(|context| answer.poll(context)).await
+    }
+
     /// Asks the thread to finish the frame at hand, drop those that wait, save and end.
     pub fn stop(&self) {
         self.0.stop();
@@ -136,6 +144,8 @@ pub(super) enum Event {
     Idle,
     /// An empty map is wished for; the frames that waited.
     Reset(VecDeque<Job>),
+    /// A change by hand whose turn it is.
+    Edit(Box<Wish>),
     /// The end, and the frames that will not be integrated.
     Stop(VecDeque<Job>),
 }
@@ -148,6 +158,7 @@ struct Inbox {
     /// Those who wait for a reset or for the end.
     watchers: Vec<Waker>,
     resets: Resets,
+    edits: Edits,
 }
 
 /// Resets by number: those wished for while the thread is busy are granted together.
@@ -178,6 +189,7 @@ impl Shared {
                 senders: Vec::new(),
                 watchers: Vec::new(),
                 resets: Resets::default(),
+                edits: Edits::default(),
             }),
             bell: Condvar::new(),
             published: RwLock::new(first),
@@ -224,8 +236,15 @@ impl Shared {
                 inbox.resets.begun = inbox.resets.wished;
                 let waiting = drain(&mut inbox);
                 inbox.lanes.forget_order();
+                inbox.edits.refuse(|| {
+                    Error::FailedPrecondition("the map was emptied before this edit".into())
+                });
                 wake(&mut inbox.senders);
                 return Event::Reset(waiting);
+            }
+            let oldest = inbox.lanes.oldest();
+            if let Some(wish) = inbox.edits.due(oldest) {
+                return Event::Edit(Box::new(wish));
             }
             if let Some(job) = inbox.lanes.pop() {
                 wake(&mut inbox.senders);
@@ -261,6 +280,17 @@ impl Shared {
         Ok(inbox.resets.wished)
     }
 
+    fn wish_edit(&self, edit: Edit) -> Result<Answer> {
+        let mut inbox = self.inbox();
+        if !matches!(inbox.phase, Phase::Running) {
+            return Err(stopping());
+        }
+        let after = inbox.lanes.newest();
+        let answer = inbox.edits.push(edit, after)?;
+        self.bell.notify_one();
+        Ok(answer)
+    }
+
     fn poll_reset(&self, wish: u64, waker: &Waker) -> Poll<Result<Emptied>> {
         let mut inbox = self.inbox();
         if inbox.resets.done >= wish {
@@ -294,6 +324,7 @@ impl Shared {
     pub(super) fn end(&self, problem: Option<String>) {
         let mut inbox = self.inbox();
         let waiting = drain(&mut inbox);
+        inbox.edits.refuse(stopping);
         inbox.phase = Phase::Ended(problem);
         wake(&mut inbox.senders);
         wake(&mut inbox.watchers);

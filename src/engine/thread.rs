@@ -7,6 +7,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::EngineSettings;
+use super::edits::Wish;
 use super::handle::{Emptied, Event, Handle, Published, Shared};
 use super::lanes::Job;
 use super::verdict::{Reason, Ticket, Verdict};
@@ -133,6 +134,7 @@ impl Owner {
                 Event::Frame(job, behind) => self.integrate(*job, behind)?,
                 Event::Idle => self.idle(Instant::now())?,
                 Event::Reset(waiting) => self.reset(waiting)?,
+                Event::Edit(wish) => self.edit(*wish)?,
                 Event::Stop(waiting) => {
                     drop_all(waiting, Reason::Stopping);
                     self.mapper.finish()?;
@@ -217,6 +219,29 @@ impl Owner {
         let epoch = self.mapper.stats().epoch;
         tracing::info!(epoch, frames_dropped, "the map was emptied");
         self.shared.emptied(Emptied { epoch, frames_dropped });
+        Ok(())
+    }
+
+    /// Changes the map by hand. Frames that are in it already are published first, as for a reset.
+    fn edit(&mut self, wish: Wish) -> Result<()> {
+        if !self.unpublished.is_empty() {
+            self.publish(Instant::now());
+        }
+        match self.mapper.edit(&wish.edit) {
+            Ok(edited) => {
+                self.refining = true;
+                self.publish(Instant::now());
+                tracing::info!(?edited, "the map was changed by hand");
+                wish.answer(Ok(edited));
+            }
+            Err(error) => {
+                let lost = matches!(error, Error::DeviceLost(_)).then(|| error.to_string());
+                wish.answer(Err(error));
+                if let Some(lost) = lost {
+                    return Err(Error::DeviceLost(lost));
+                }
+            }
+        }
         Ok(())
     }
 

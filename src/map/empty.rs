@@ -6,6 +6,7 @@ use rayon::ThreadPool;
 
 use super::mapper::{MapStats, Mapper};
 use super::robots::Robots;
+use super::timeline::Timeline;
 use super::trainer::Trainer;
 use super::view::Store;
 use crate::backend::CpuBackend;
@@ -71,6 +72,7 @@ impl Mapper {
             language: LanguageField::scale(&config)
                 .map(|scale| LanguageField::new(scale, &config.language)),
             robots: Robots::default(),
+            timeline: Timeline::default(),
             store,
             key_frames: KeyFrames::new(&config),
             schedule: Schedule::new(&config),
