@@ -40,6 +40,7 @@ use crate::engine::{
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::geometry::Aabb;
+use crate::map::{Edit, Edited};
 use crate::telemetry::Distribution;
 
 use counters::{Counted, Counters};
@@ -273,6 +274,14 @@ impl Service {
     /// published. The file on disk is replaced when the server saves.
     pub async fn reset_map(&self, map_id: &str) -> Result<Emptied> {
         self.map(map_id)?.reset().await
+    }
+
+    /// Changes a map by hand, after the frames that wait, and publishes it. Questions are answered from
+    /// the old map until then.
+    pub async fn edit_map(&self, map_id: &str, edit: Edit) -> Result<Edited> {
+        let map = self.map(map_id)?;
+        edit.check()?;
+        map.edit(edit).await
     }
 
     /// Boxes (world metres) that may hold a part of a map's surface.

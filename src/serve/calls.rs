@@ -11,7 +11,7 @@ use tower_layer::Layer;
 use tower_service::Service;
 
 /// Every call of ours; the last counter is for all others.
-const CALLS: [&str; 22] = [
+const CALLS: [&str; 24] = [
     "/orenx.v1.Ingest/StreamFrames",
     "/orenx.v1.Query/QueryPoints",
     "/orenx.v1.Query/StreamQuery",
@@ -34,6 +34,8 @@ const CALLS: [&str; 22] = [
     "/orenx.v1.Maps/GetMap",
     "/orenx.v1.Maps/GetMapStats",
     "/orenx.v1.Maps/ResetMap",
+    "/orenx.v1.Maps/ClearRegion",
+    "/orenx.v1.Maps/StampGeometry",
 ];
 
 /// The codes of gRPC, by number.

@@ -1,6 +1,7 @@
 //! A whole server on free ports, asked through HTTP, by a client that may say anything.
 
 mod contract;
+mod edits;
 mod images;
 mod life;
 mod numbers;

@@ -1,6 +1,7 @@
 //! A whole server on a free port, asked through gRPC.
 
 mod bad_input;
+mod edits;
 mod frames;
 pub(crate) mod images;
 pub(crate) mod language;

@@ -2,6 +2,7 @@
 //! document that describes them.
 
 mod body;
+mod edits;
 mod found;
 mod guard;
 mod images;
@@ -119,7 +120,7 @@ impl Edge {
 }
 
 /// Every path, for the counters and for the tests of the document.
-const ROUTES: [&str; 24] = [
+const ROUTES: [&str; 26] = [
     "/",
     "/healthz",
     "/livez",
@@ -130,6 +131,8 @@ const ROUTES: [&str; 24] = [
     "/v1/maps/{map}",
     "/v1/maps/{map}/stats",
     "/v1/maps/{map}/reset",
+    "/v1/maps/{map}/clear",
+    "/v1/maps/{map}/stamp",
     "/v1/maps/{map}/query/points",
     "/v1/maps/{map}/render",
     "/v1/maps/{map}/query/text",
@@ -153,6 +156,8 @@ fn router(edge: Arc<Edge>) -> Router {
         map,
         stats,
         reset,
+        clear,
+        stamp,
         points,
         render,
         text,
@@ -161,7 +166,7 @@ fn router(edge: Arc<Edge>) -> Router {
         encoders,
         planners @ ..,
     ] = rest;
-    let [clear, trajectories, rays, nearest, grid, png, numbers, bin] = planners;
+    let [spheres, trajectories, rays, nearest, grid, png, numbers, bin] = planners;
     Router::new()
         .route(root, get(probes::about))
         .route(healthz, get(probes::healthy))
@@ -173,13 +178,15 @@ fn router(edge: Arc<Edge>) -> Router {
         .route(map, get(maps::detail).put(maps::create).delete(maps::delete))
         .route(stats, get(maps::stats))
         .route(reset, post(maps::reset))
+        .route(clear, post(edits::clear))
+        .route(stamp, post(edits::stamp))
         .route(points, post(points::query))
         .route(render, post(images::render))
         .route(text, post(language::text))
         .route(embedding, post(language::embedding))
         .route(classify, post(language::classify))
         .route(encoders, get(language::encoders))
-        .route(clear, post(spheres::spheres))
+        .route(spheres, post(spheres::spheres))
         .route(trajectories, post(planner::trajectories))
         .route(rays, post(planner::rays))
         .route(nearest, post(planner::nearest))

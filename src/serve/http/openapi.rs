@@ -8,7 +8,9 @@ use utoipa::openapi::{ContentBuilder, Ref, RefOr, Response, ResponseBuilder};
 use utoipa::{IntoParams, IntoResponses, OpenApi, ToSchema};
 
 use super::limits::Limits;
-use super::{images, language, maps, planner, points, probes, refusal, slices, spheres, voxels};
+use super::{
+    edits, images, language, maps, planner, points, probes, refusal, slices, spheres, voxels,
+};
 
 #[derive(OpenApi)]
 #[openapi(
@@ -20,7 +22,8 @@ use super::{images, language, maps, planner, points, probes, refusal, slices, sp
     servers((url = "/")),
     paths(
         probes::about, probes::healthy, probes::alive, probes::ready, probes::metrics,
-        probes::openapi, maps::list, maps::detail, maps::create, maps::delete, maps::stats, maps::reset, points::query,
+        probes::openapi, maps::list, maps::detail, maps::create, maps::delete, maps::stats, maps::reset, edits::clear,
+        edits::stamp, points::query,
         images::render, language::text, language::embedding, language::classify,
         language::encoders, spheres::spheres, planner::trajectories, planner::rays,
         planner::nearest, voxels::grid, slices::png, slices::json, slices::bin
@@ -144,6 +147,15 @@ impl IntoResponses for ChangeRefusals {
     }
 }
 
+/// What may be answered instead of a change by hand.
+pub(super) struct EditRefusals;
+
+impl IntoResponses for EditRefusals {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        refusals(&[404, 408, 409, 413, 415, 429])
+    }
+}
+
 /// What a question about points may be answered instead.
 pub(super) struct PointRefusals;
 
@@ -180,7 +192,7 @@ fn meaning(status: u16) -> &'static str {
     match status {
         400 => "INVALID_ARGUMENT: the field and the limit that it broke are in the message.",
         403 => "PERMISSION_DENIED: a page of another site asks.",
-        404 => "NOT_FOUND: no such map.",
+        404 => "NOT_FOUND: no such map, or no such robot in it.",
         406 => "NOT_ACCEPTABLE: there is no answer in the form that `accept` asks for.",
         408 => "REQUEST_TIMEOUT: the body did not arrive in time.",
         409 => {
