@@ -43,6 +43,7 @@ use crate::engine::{
 use crate::error::{Error, Result};
 use crate::frame::Frame;
 use crate::geometry::Aabb;
+use crate::map::{Edit, Edited};
 use crate::telemetry::Distribution;
 
 use counters::{Counted, Counters};
@@ -289,6 +290,14 @@ impl Service {
     /// set aside.
     pub async fn reset_map(&self, map_id: &str) -> Result<Emptied> {
         self.registry.reset(map_id).await
+    }
+
+    /// Changes a map by hand, after the frames that wait, and publishes it. Questions are answered from
+    /// the old map until then.
+    pub async fn edit_map(&self, map_id: &str, edit: Edit) -> Result<Edited> {
+        let map = self.map(map_id)?;
+        edit.check()?;
+        map.edit(edit).await
     }
 
     /// Boxes (world metres) that may hold a part of a map's surface.

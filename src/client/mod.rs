@@ -25,7 +25,7 @@ use tonic::transport::{Channel, Endpoint};
 
 use crate::engine::Emptied;
 use crate::error::{Error, Result};
-use crate::map::Fields;
+use crate::map::{Clear, Edited, Fields, Stamp};
 use crate::service::{
     ClassifyQuestion, ClassifyReply, FindQuestion, FindReply, ImageQuestion, ImageReply, MapReport,
     MapSummary, PointsQuestion, PointsReply,
@@ -36,10 +36,10 @@ use crate::wire::v1::maps_client::MapsClient;
 use crate::wire::v1::query_client::QueryClient;
 use crate::wire::v1::render_client::RenderClient;
 use crate::wire::{
-    FindRequest, MAX_MESSAGE_BYTES, classify_question_to_wire, error_from_status,
+    FindRequest, MAX_MESSAGE_BYTES, classify_question_to_wire, clear_to_wire, error_from_status,
     find_question_to_wire, image_question_to_wire, image_reply_from_wire, map_list_from_wire,
-    map_stats_from_wire, points_question_to_wire, stream_question_to_wire, stream_reply_from_wire,
-    v1,
+    map_stats_from_wire, points_question_to_wire, stamp_to_wire, stream_question_to_wire,
+    stream_reply_from_wire, v1,
 };
 
 pub use self::zenoh::ZenohClient;
@@ -223,6 +223,25 @@ impl Client {
             .map_err(|status| error_from_status(&status))?
             .into_inner();
         Ok(Emptied { epoch: reply.epoch, frames_dropped: reply.frames_dropped })
+    }
+
+    /// Forgets what was seen.
+    pub async fn clear_region(&self, map_id: &str, clear: &Clear) -> Result<Edited> {
+        let reply = MapsClient::new(self.channel.clone())
+            .clear_region(clear_to_wire(map_id, clear))
+            .await
+            .map_err(|status| error_from_status(&status))?;
+        Ok(reply.into_inner().into())
+    }
+
+    /// Puts known geometry into a map.
+    pub async fn stamp_geometry(&self, map_id: &str, stamp: &Stamp) -> Result<Edited> {
+        let reply = MapsClient::new(self.channel.clone())
+            .max_encoding_message_size(MAX_MESSAGE_BYTES)
+            .stamp_geometry(stamp_to_wire(map_id, stamp))
+            .await
+            .map_err(|status| error_from_status(&status))?;
+        Ok(reply.into_inner().into())
     }
 }
 

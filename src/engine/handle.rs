@@ -7,6 +7,7 @@ use std::task::{Poll, Waker};
 use std::time::{Duration, Instant};
 
 use super::EngineSettings;
+use super::edits::{Answer, Edits, Wish};
 use super::errand::{Errand, Errands};
 use super::lanes::{Job, Lanes, QueuePolicy};
 use super::ledger::Ledger;
@@ -14,7 +15,7 @@ use super::order::Session;
 use super::verdict::{FrameSink, Queue, Reason, Ticket, Verdict};
 use crate::error::{Error, Result};
 use crate::frame::Frame;
-use crate::map::{MapStats, MapView};
+use crate::map::{Edit, Edited, MapStats, MapView};
 
 /// The newest view and the map's counters when it was published.
 #[derive(Clone)]
@@ -100,6 +101,13 @@ impl Handle {
         poll_fn(|context| self.0.poll_reset(wish, context.waker())).await
     }
 
+    /// Changes the map by hand, after all frames that wait now, and publishes it. Returns when that is
+    /// done; dropping the future does not take the wish back.
+    pub async fn edit(&self, edit: Edit) -> Result<Edited> {
+        let answer = self.0.wish_edit(edit)?;
+        poll_fn(|context| answer.poll(context)).await
+    }
+
     /// Asks the thread to finish the frame at hand, drop those that wait, save and end.
     pub fn stop(&self) {
         self.0.stop();
@@ -140,6 +148,8 @@ pub(super) enum Event {
     Reset(VecDeque<Job>),
     /// Something else is wished for; the frames that waited, if they are of no use after it.
     Errand(Errand, VecDeque<Job>),
+    /// A change by hand whose turn it is.
+    Edit(Box<Wish>),
     /// The end, and the frames that will not be integrated.
     Stop(VecDeque<Job>),
 }
@@ -153,6 +163,7 @@ struct Inbox {
     watchers: Vec<Waker>,
     resets: Resets,
     errands: Errands,
+    edits: Edits,
 }
 
 /// Resets by number: those wished for while the thread is busy are granted together.
@@ -190,6 +201,7 @@ impl Shared {
                 watchers: Vec::new(),
                 resets: Resets::default(),
                 errands: Errands::default(),
+                edits: Edits::default(),
             }),
             bell: Condvar::new(),
             published: RwLock::new(first),
@@ -237,6 +249,9 @@ impl Shared {
                 inbox.resets.begun = inbox.resets.wished;
                 let waiting = drain(&mut inbox);
                 inbox.lanes.forget_order();
+                inbox.edits.refuse(|| {
+                    Error::FailedPrecondition("the map was emptied before this edit".into())
+                });
                 wake(&mut inbox.senders);
                 return Event::Reset(waiting);
             }
@@ -248,6 +263,10 @@ impl Shared {
                     wake(&mut inbox.senders);
                 }
                 return Event::Errand(errand, waiting);
+            }
+            let oldest = inbox.lanes.oldest();
+            if let Some(wish) = inbox.edits.due(oldest) {
+                return Event::Edit(Box::new(wish));
             }
             if let Some(job) = inbox.lanes.pop() {
                 wake(&mut inbox.senders);
@@ -281,6 +300,17 @@ impl Shared {
         inbox.resets.wished += 1;
         self.bell.notify_one();
         Ok(inbox.resets.wished)
+    }
+
+    fn wish_edit(&self, edit: Edit) -> Result<Answer> {
+        let mut inbox = self.inbox();
+        if !matches!(inbox.phase, Phase::Running) {
+            return Err(stopping());
+        }
+        let after = inbox.lanes.newest();
+        let answer = inbox.edits.push(edit, after)?;
+        self.bell.notify_one();
+        Ok(answer)
     }
 
     fn poll_reset(&self, wish: u64, waker: &Waker) -> Poll<Result<Emptied>> {
@@ -327,6 +357,7 @@ impl Shared {
         let mut inbox = self.inbox();
         let waiting = drain(&mut inbox);
         let errands = inbox.errands.take();
+        inbox.edits.refuse(stopping);
         inbox.phase = Phase::Ended(problem);
         wake(&mut inbox.senders);
         wake(&mut inbox.watchers);

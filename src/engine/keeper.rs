@@ -197,6 +197,13 @@ impl Keeper {
         Ok(())
     }
 
+    /// Notes that the map was changed by hand. Where there is a journal, which knows of frames alone, the
+    /// change is on the disk when this returns: what was promised of frames is promised of edits too.
+    pub(super) fn keep_edit(&mut self, mapper: &Mapper) -> Result<()> {
+        self.note_change();
+        if self.journal.is_some() { self.save_now(mapper) } else { Ok(()) }
+    }
+
     /// Waits for everything that is on its way to the disk. The journal takes nothing after it.
     pub(super) fn close(&mut self) {
         self.wait();

@@ -41,7 +41,8 @@ impl Job {
 struct Lane {
     robot_id: Arc<str>,
     sensor_id: Arc<str>,
-    queue: VecDeque<Job>,
+    /// Frames by their numbers among all that were queued.
+    queue: VecDeque<(u64, Job)>,
     /// How full the queue is, for those who hold no lock.
     gauge: Queue,
     /// The newest frame that was ever queued.
@@ -128,7 +129,7 @@ impl Lanes {
             if policy == QueuePolicy::Block {
                 return Some(job);
             }
-            let Some(oldest) = self.lanes[index].queue.pop_front() else {
+            let Some((_, oldest)) = self.lanes[index].queue.pop_front() else {
                 job.ticket.settle(Verdict::Rejected(self.out_of_bytes(bytes)));
                 return None;
             };
@@ -144,7 +145,7 @@ impl Lanes {
         lane.newest = Some(newest);
         lane.gauge.set_waiting(lane.queue.len() + 1);
         job.ticket.accepted(lane.gauge.clone());
-        lane.queue.push_back(job);
+        lane.queue.push_back((self.pushes, job));
         None
     }
 
@@ -152,7 +153,7 @@ impl Lanes {
     pub(super) fn pop(&mut self) -> Option<Job> {
         for step in 0..self.lanes.len() {
             let index = (self.turn + step) % self.lanes.len();
-            if let Some(job) = self.lanes[index].queue.pop_front() {
+            if let Some((_, job)) = self.lanes[index].queue.pop_front() {
                 self.turn = index + 1;
                 self.bytes -= job.bytes();
                 self.lanes[index].update_gauge();
@@ -160,6 +161,17 @@ impl Lanes {
             }
         }
         None
+    }
+
+    /// The number of the last frame that was queued.
+    pub(super) fn newest(&self) -> u64 {
+        self.pushes
+    }
+
+    /// The lowest number of those that wait.
+    pub(super) fn oldest(&self) -> Option<u64> {
+        let first = self.lanes.iter().filter_map(|lane| lane.queue.front());
+        first.map(|(number, _)| *number).min()
     }
 
     /// Frames of live sensors that wait: those that time would drop.

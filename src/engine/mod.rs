@@ -6,6 +6,7 @@
 //! - No asynchronous runtime is named here: a full lane and the thread's end are told through
 //!   [`std::task::Waker`]s, which any runtime can drive.
 
+mod edits;
 mod errand;
 mod handle;
 mod journal;

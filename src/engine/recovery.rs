@@ -55,7 +55,7 @@ pub(super) fn replay(
     }
     if tally.mapped > 0 {
         // Later than any epoch that a sender was told.
-        mapper.follow(tally.newest_epoch);
+        mapper.succeed(tally.newest_epoch);
     }
     past.recovery = tally.told();
     if !past.recovery.is_empty() {

@@ -7,6 +7,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::EngineSettings;
+use super::edits::Wish;
 use super::errand::Errand;
 use super::handle::{Emptied, Event, Handle, Published, Shared};
 use super::keeper::Keeper;
@@ -156,6 +157,7 @@ impl Owner {
                 Event::Errand(Errand::Restore { mapper, done }, waiting) => {
                     self.restore(*mapper, waiting, done);
                 }
+                Event::Edit(wish) => self.edit(*wish)?,
                 Event::Stop(waiting) => {
                     drop_all(waiting, Reason::Stopping);
                     self.mapper.finish()?;
@@ -269,7 +271,7 @@ impl Owner {
         let frames_dropped = waiting.len() as u64;
         drop_all(waiting, Reason::Reset);
         // What is saved is an epoch, after all that there were.
-        mapper.follow(self.mapper.stats().epoch);
+        mapper.succeed(self.mapper.stats().epoch);
         mapper.publish_all()?;
         self.keeper.save_now(&mapper)?;
         self.mapper = mapper;
@@ -282,6 +284,29 @@ impl Owner {
     fn settle_down(&mut self) -> Result<()> {
         self.mapper.finish()?;
         self.publish(Instant::now());
+        Ok(())
+    }
+
+    /// Changes the map by hand. Frames that are in it already are published first, as for a reset.
+    fn edit(&mut self, wish: Wish) -> Result<()> {
+        if !self.unpublished.is_empty() {
+            self.publish(Instant::now());
+        }
+        match self.mapper.edit(&wish.edit) {
+            Ok(edited) => {
+                self.refining = true;
+                self.settle_down()?;
+                tracing::info!(?edited, "the map was changed by hand");
+                wish.answer(self.keeper.keep_edit(&self.mapper).map(|()| edited));
+            }
+            Err(error) => {
+                let lost = matches!(error, Error::DeviceLost(_)).then(|| error.to_string());
+                wish.answer(Err(error));
+                if let Some(lost) = lost {
+                    return Err(Error::DeviceLost(lost));
+                }
+            }
+        }
         Ok(())
     }
 

@@ -5,11 +5,15 @@ mod camera;
 pub(crate) mod matmul;
 mod pose;
 pub mod random;
+mod region;
 pub mod simd;
+mod solid;
 
 pub use aabb::Aabb;
 pub use camera::Intrinsics;
 pub use pose::Pose;
+pub use region::Region;
+pub use solid::{MAX_TRIANGLES, MAX_VERTICES, Mesh, Solid};
 
 /// The integer at or below `x`, which must fit; plain x86-64 has no instruction for `f32::floor`.
 #[inline(always)]

@@ -123,8 +123,11 @@ impl ViewCodes {
                 KeptCodes::new(self.form, self.terms, page_blocks * vertices)
             });
             for i in 0..vertices {
-                if let Some(code) = code(block as usize * vertices + i) {
-                    codes.set(slot * vertices + i, code);
+                let row = slot * vertices + i;
+                match code(block as usize * vertices + i) {
+                    Some(code) => codes.set(row, code),
+                    None if codes.square(row) > 0.0 => codes.set(row, &[]),
+                    None => {}
                 }
             }
         }

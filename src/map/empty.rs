@@ -6,6 +6,7 @@ use rayon::ThreadPool;
 
 use super::mapper::{MapStats, Mapper};
 use super::robots::Robots;
+use super::timeline::Timeline;
 use super::trainer::Trainer;
 use super::view::Store;
 use crate::backend::CpuBackend;
@@ -56,13 +57,13 @@ impl Mapper {
             Self::with_pools(self.config.clone(), self.pool.clone(), self.trainers.clone())?;
         empty.train_on(self.trainer)?;
         empty.language = empty.language.map(LanguageField::with_given).transpose()?;
-        empty.follow(self.stats.epoch);
+        empty.succeed(self.stats.epoch);
         Ok(empty)
     }
 
     /// Takes the place of a map of this epoch: the next publication is of a later one, so that a reader
     /// sees that the map has changed.
-    pub fn follow(&mut self, epoch: u64) {
+    pub fn succeed(&mut self, epoch: u64) {
         self.stats.epoch = self.stats.epoch.max(epoch);
         self.changed = true;
     }
@@ -80,6 +81,7 @@ impl Mapper {
             language: LanguageField::scale(&config)
                 .map(|scale| LanguageField::new(scale, &config.language)),
             robots: Robots::default(),
+            timeline: Timeline::default(),
             store,
             key_frames: KeyFrames::new(&config),
             schedule: Schedule::new(&config),

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::budget::Sizes;
 use super::language::Viewpoint;
 use super::robots::Robots;
+use super::timeline::Timeline;
 use super::trainer::Trainer;
 use super::view::Store;
 use crate::backend::{
@@ -19,7 +20,7 @@ use crate::frame::Frame;
 use crate::modality::language::LanguageField;
 use crate::modality::losses::{LossWeights, Stencil};
 use crate::octree::{Explicit, Topology};
-use crate::surface::Surface;
+use crate::surface::{Surface, SurfaceChange};
 use crate::train::{KeyFrame, KeyFrames, Pace, RayPlan, Schedule};
 
 /// Sign consistency joins the losses after this many frames (algorithms.md §8).
@@ -88,6 +89,7 @@ pub struct Mapper {
     /// Where the map has language.
     pub(super) language: Option<LanguageField>,
     pub(super) robots: Robots,
+    pub(super) timeline: Timeline,
     pub(super) key_frames: KeyFrames,
     pub(super) schedule: Schedule,
     pub(super) backend: Box<dyn Backend>,
@@ -150,22 +152,31 @@ impl Mapper {
 
     /// Surfels, evidence, voxels and prior; returns what training keeps of the frame.
     fn allocate(&mut self, frame: &Frame) -> Result<KeyFrame> {
-        let number = self.stats.frames as u32;
+        let number = self.timeline.number(self.stats.frames);
+        self.timeline.note(number, frame.stamp_ns);
         self.grant_room()?;
         let rows = self.topology.rows() as u32;
-        let source = self.robots.number(&frame.robot_id);
-        let change = self.surface.integrate(frame, source, number, &mut self.topology, &self.pool);
+        let robot = self.robots.number(&frame.robot_id);
+        let change = self.surface.integrate(frame, robot, number, &mut self.topology, &self.pool);
+        let gain = (self.config.radiance.rays_per_step > 0).then_some(change.gain);
+        if let Some(language) = &mut self.language {
+            language.integrate(frame, number)?;
+            self.changed_codes.extend(language.take_changed());
+            self.topology.refuse(language.band.take_refused());
+        }
+        self.follow(change, rows)?;
+        let pixels = self.config.key_frame_pixels as usize;
+        Ok(KeyFrame::new(frame, robot, pixels, self.config.r0_m, gain))
+    }
+
+    /// Tells the backend and the next view what changed; before, there were `rows` rows.
+    pub(super) fn follow(&mut self, change: SurfaceChange, rows: u32) -> Result<()> {
         // A new row that keeps its first value is no change of the prior, but new to every page.
         let changed = self.changed_rows.len();
         self.changed_rows.extend(rows..self.topology.rows() as u32);
         self.changed_rows.extend(change.prior.rows);
         self.changed_bricks.extend(change.changed_bricks);
         self.changed_colors.extend(change.colors);
-        if let Some(language) = &mut self.language {
-            language.integrate(frame, number)?;
-            self.changed_codes.extend(language.take_changed());
-            self.topology.refuse(language.band.take_refused());
-        }
         if self.config.prior == Prior::Learned {
             self.no_prior.resize(self.topology.rows(), [0.0; 4]);
         }
@@ -178,18 +189,14 @@ impl Mapper {
             surfels: &change.surfels,
             bricks: &change.touched_bricks,
         };
-        self.backend.follow(
-            &scene(&self.config, &self.topology, &self.surface, &self.no_prior),
-            &changes,
-        )?;
+        let scene = scene(&self.config, &self.topology, &self.surface, &self.no_prior);
+        self.backend.follow(&scene, &changes)?;
         self.changed_nodes.extend(nodes);
-        let gain = (self.config.radiance.rays_per_step > 0).then_some(change.gain);
-        let pixels = self.config.key_frame_pixels as usize;
-        Ok(KeyFrame::new(frame, pixels, self.config.r0_m, gain))
+        Ok(())
     }
 
     /// Lets the frame take its share of what the memory budgets leave.
-    fn grant_room(&mut self) -> Result<()> {
+    pub(super) fn grant_room(&mut self) -> Result<()> {
         let sizes = Sizes {
             rows: self.topology.rows(),
             nodes: self.topology.node_slots(),

@@ -2,6 +2,7 @@
 
 mod budget;
 mod codes;
+mod edit;
 mod empty;
 mod grid;
 mod language;
@@ -21,11 +22,13 @@ mod robots;
 mod slice;
 mod sphere;
 mod state;
+mod timeline;
 mod trainer;
 mod view;
 mod waypoint;
 
 pub use codes::ViewCodesState;
+pub use edit::{Clear, Edit, Edited, STAMP_ROBOT, Stamp};
 pub use grid::{GridShape, Pieces};
 pub use language::{
     FindSettings, Findings, LanguageCounts, Match, OrientedBox, Places, Scorer, Viewpoint,
@@ -50,6 +53,7 @@ pub use robots::Robots;
 pub use slice::{Costs, LevelShape, Plane, Slice, draw_slice, slice};
 pub use sphere::Sphere;
 pub use state::{MapperState, Progress, ViewRecord, ViewState};
+pub use timeline::Timeline;
 pub use trainer::Trainer;
 #[cfg(test)]
 pub(crate) use trainer::tests::lose_device;

@@ -133,6 +133,7 @@ impl Mapper {
         self.store.write_colors(&color.band, changed, |block, texels| {
             let rows = block as usize * texels.len();
             for (i, (texel, seen)) in texels.iter_mut().zip(&color.seen()[rows..]).enumerate() {
+                *texel = Texel::default();
                 if seen.weight > 0.0 {
                     let learned = learned.get(rows + i).copied().unwrap_or_default();
                     let closed = radiance::logits(Vec3::from(seen.color));

@@ -8,6 +8,7 @@ use super::codes::ViewCodesState;
 use super::language::Viewpoint;
 use super::mapper::{MapStats, Mapper};
 use super::robots::Robots;
+use super::timeline::Timeline;
 use super::view::{BRICKS, MapView, NODES, Node, ROWS, Store};
 use crate::backend::{Backend, BackendState, CpuBackend};
 use crate::config::MapConfig;
@@ -37,6 +38,7 @@ pub struct MapperState<'a> {
     pub topology: TopologyState<'a>,
     pub surface: SurfaceState<'a>,
     pub robots: Robots,
+    pub timeline: Timeline,
     pub key_frames: KeyFramesState,
     pub backend: BackendState,
     /// Where the map has language.
@@ -56,6 +58,7 @@ impl Mapper {
             topology: self.topology.state(),
             surface: self.surface.state(),
             robots: self.robots.clone(),
+            timeline: self.timeline.clone(),
             key_frames: self.key_frames.state(),
             backend: self.backend.export()?,
             language: self.language.as_ref().map(LanguageField::state),
@@ -79,6 +82,7 @@ impl Mapper {
             _ => return Err(Error::corrupt("language", "does not fit the settings")),
         };
         mapper.robots = state.robots.checked()?;
+        mapper.timeline = state.timeline.checked()?;
         mapper.key_frames = mapper.key_frames.with_state(state.key_frames)?;
         if state.backend.learned.len() != rows {
             return Err(Error::corrupt("learned rows", "differ in number from the octree's"));

@@ -198,6 +198,21 @@ impl Band {
         self.blocks() << (3 * self.scale.log2_side)
     }
 
+    /// The vertices of a block.
+    pub fn block_rows(&self, block: u32) -> std::ops::Range<u32> {
+        let first = block << (3 * self.scale.log2_side);
+        first..first + self.scale.vertices() as u32
+    }
+
+    /// Where a vertex is, world metres.
+    pub fn place_of(&self, row: u32) -> Vec3 {
+        let (log2, mask) = (self.scale.log2_side, self.scale.side() as u32 - 1);
+        let cell = self.cells[(row >> (3 * log2)) as usize];
+        let within = |axis: u8| (row >> (axis * log2) & mask) as f32 * self.scale.spacing_m();
+        let low = Vec3::from(cell.map(|c| c as f32)) * self.scale.cell_m;
+        low + Vec3::new(within(0), within(1), within(2))
+    }
+
     /// The cells of the blocks.
     pub fn cells(&self) -> &[Cell] {
         &self.cells
@@ -322,6 +337,8 @@ mod tests {
                             + i32::from(place.local[axis])
                             + (k as i32 >> axis & 1)
                     });
+                    let there = Vec3::from(lattice.map(|c| c as f32)) * scale.spacing_m();
+                    prop_assert!(band.place_of(row).abs_diff_eq(there, 1e-5));
                     prop_assert_eq!(*rows.entry(lattice).or_insert(row), row);
                 }
             }

@@ -8,6 +8,7 @@ use tonic::{Request, Response, Status, Streaming};
 
 use super::stream::{Answers, answer_stream};
 use crate::error;
+use crate::map::Edit;
 use crate::service::{
     Call, ClassifyQuestion, FindQuestion, ImageQuestion, PointsQuestion, Service,
 };
@@ -16,9 +17,9 @@ use crate::wire::v1::maps_server::Maps;
 use crate::wire::v1::query_server::Query;
 use crate::wire::v1::render_server::Render;
 use crate::wire::{
-    Ending, classify_reply_to_wire, encoders_to_wire, find_reply_to_wire, image_reply_to_wire,
-    map_detail_to_wire, map_list_to_wire, map_reset_to_wire, map_stats_to_wire,
-    points_reply_to_wire, status_from_error, v1,
+    Ending, classify_reply_to_wire, edited_to_wire, encoders_to_wire, find_reply_to_wire,
+    image_reply_to_wire, map_detail_to_wire, map_list_to_wire, map_reset_to_wire,
+    map_stats_to_wire, points_reply_to_wire, status_from_error, v1,
 };
 
 /// `orenx.v1.Query`, `Render`, `Language` and `Maps`: messages in, verbs, messages out.
@@ -135,6 +136,25 @@ impl Language for Edge {
     }
 }
 
+impl Edge {
+    /// Reads an edit off the network threads, since a mesh may be large, and does it.
+    async fn edit(
+        &self,
+        map_id: &str,
+        read: impl FnOnce() -> error::Result<Edit> + Send + 'static,
+    ) -> Result<Response<v1::EditReply>, Status> {
+        let started = Instant::now();
+        let answer = async {
+            let edit = tokio::task::spawn_blocking(read)
+                .await
+                .map_err(|_| error::Error::Internal("reading an edit failed".into()))??;
+            self.service.edit_map(map_id, edit).await
+        };
+        let edited = answer.await.map_err(|e| status_from_error(&e))?;
+        Ok(Response::new(edited_to_wire(edited, started.elapsed())))
+    }
+}
+
 #[tonic::async_trait]
 impl Maps for Edge {
     async fn list_maps(
@@ -191,6 +211,24 @@ impl Maps for Edge {
             .await
             .map_err(|e| status_from_error(&e))?;
         Ok(Response::new(map_reset_to_wire(emptied, started.elapsed())))
+    }
+
+    async fn clear_region(
+        &self,
+        request: Request<v1::ClearRegionRequest>,
+    ) -> Result<Response<v1::EditReply>, Status> {
+        let message = request.into_inner();
+        let map_id = message.map_id.clone();
+        self.edit(&map_id, move || Ok(Edit::Clear(message.try_into()?))).await
+    }
+
+    async fn stamp_geometry(
+        &self,
+        request: Request<v1::StampGeometryRequest>,
+    ) -> Result<Response<v1::EditReply>, Status> {
+        let message = request.into_inner();
+        let map_id = message.map_id.clone();
+        self.edit(&map_id, move || Ok(Edit::Stamp(message.try_into()?))).await
     }
 
     async fn get_map_stats(

@@ -11,15 +11,15 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use self::geometry::{put_surface, put_topology, take_surface, take_topology};
+use self::geometry::{is_new, put_surface, put_topology, take_surface, take_topology};
 use self::language::{put_language, put_view_codes, take_language, take_view_codes};
 use self::learned::{COLUMNS, columns, take_backend, take_colors};
 use self::tags::*;
 use super::sections::Sections;
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
-use crate::map::{MapView, Mapper, MapperState, Progress, Robots, ViewState};
-use crate::train::{FrameRecord, KeyFramesState};
+use crate::map::{MapView, Mapper, MapperState, Progress, Robots, Timeline, ViewState};
+use crate::train::{FrameRecord, KeyFramesState, NO_ROBOT};
 
 /// What a map file holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -177,6 +177,7 @@ fn with_sections<T>(
     put_topology(&mut out, &state.topology)?;
     put_surface(&mut out, surface)?;
     out.put_record(ROBOTS, &state.robots)?;
+    out.put_record(TIMELINE, &state.timeline)?;
     let record = KeyRecord {
         next: keys.next,
         idle_cursor: keys.idle_cursor,
@@ -190,6 +191,7 @@ fn with_sections<T>(
     out.put_array(KEY_TRAINED, &keys.block_trained)?;
     out.put_array(KEY_COUNTS, &keys.block_counts)?;
     out.put_array(KEY_IDS, &keys.block_ids)?;
+    out.put_array(KEY_ROBOTS, &keys.robots)?;
     out.put_array(ROWS, learned.as_flattened())?;
     out.put_array(ROW_MOMENTS, moments.as_flattened().as_flattened())?;
     out.put_array(ROW_STEPS, &steps)?;
@@ -239,12 +241,48 @@ fn take_config(from: &mut Sections<'_>) -> Result<MapConfig> {
 fn take_mapper(config: MapConfig, from: &mut Sections<'_>) -> Result<Mapper> {
     let progress: Progress = from.take_record(PROGRESS)?;
     let topology = take_topology(from)?;
-    let surface = take_surface(&config, from)?;
     let has_robots = from.tags().any(|tag| tag == ROBOTS);
     let robots = if has_robots { from.take_record(ROBOTS)? } else { Robots::default() };
+    let has_one_robot = robots.len() == 1;
+    let is_new = is_new(from);
+    let surface = take_surface(&config, from, has_one_robot)?;
+    let timeline = if is_new {
+        from.take_record(TIMELINE)?
+    } else {
+        Timeline::of_old_file(progress.stats.frames, progress.newest_stamp_ns)
+    };
+    // Of one robot are all that there are.
+    let robot = if has_one_robot { 0 } else { NO_ROBOT };
+    let key_frames = take_key_frames(&config, from, |frames| vec![robot; frames])?;
+    let mut backend = take_backend(from)?;
+    if config.has("radiance") {
+        backend.colors = take_colors(from)?;
+    }
+    let language = config.has("language").then(|| take_language(from)).transpose()?;
+    let state = MapperState {
+        progress,
+        topology,
+        surface,
+        robots,
+        timeline,
+        key_frames,
+        backend,
+        language,
+    };
+    Mapper::from_state(config, state)
+}
+
+/// `robots`: of so many key frames, for files from before it was known who took them.
+fn take_key_frames(
+    config: &MapConfig,
+    from: &mut Sections<'_>,
+    robots: impl Fn(usize) -> Vec<u16>,
+) -> Result<KeyFramesState> {
     let has_color = config.has("radiance");
+    let has_robots = from.tags().any(|tag| tag == KEY_ROBOTS);
     let record: KeyRecord = from.take_record(KEY_FRAMES)?;
-    let key_frames = KeyFramesState {
+    let frames = record.frames.len();
+    Ok(KeyFramesState {
         next: record.next,
         idle_cursor: record.idle_cursor,
         selections: record.selections,
@@ -257,14 +295,8 @@ fn take_mapper(config: MapConfig, from: &mut Sections<'_>) -> Result<Mapper> {
         block_ids: from.take_array(KEY_IDS)?,
         colors: if has_color { from.take_array(KEY_COLORS)? } else { Vec::new() },
         gains: if has_color { from.take_array(KEY_GAINS)? } else { Vec::new() },
-    };
-    let mut backend = take_backend(from)?;
-    if has_color {
-        backend.colors = take_colors(from)?;
-    }
-    let language = config.has("language").then(|| take_language(from)).transpose()?;
-    let state = MapperState { progress, topology, surface, robots, key_frames, backend, language };
-    Mapper::from_state(config, state)
+        robots: if has_robots { from.take_array(KEY_ROBOTS)? } else { robots(frames) },
+    })
 }
 
 fn save_compact(view: &MapView, path: &Path) -> Result<()> {

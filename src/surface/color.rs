@@ -16,6 +16,7 @@ mod stored;
 
 use glam::Vec3;
 
+use super::forget::Lost;
 use crate::config::MapConfig;
 use crate::frame::{ColorImage, Frame};
 use crate::octree::{Band, BandPlace, BandScale, NO_BLOCK, NO_VERTEX, sum_of_observed};
@@ -30,6 +31,8 @@ const MAX_WEIGHT: f32 = 128.0;
 /// trilinear weight say what the map shows.
 const CORRECTED_WEIGHT: f32 = 1.0;
 const SHOWN_SHARE: f32 = 0.3;
+/// A colour that is given counts as so many pixels.
+const PAINTED_WEIGHT: f32 = 8.0;
 /// Bound of an exposure gain.
 const GAIN_LIMIT: f32 = 1.5;
 /// Pixels without which no gain is estimated, and the colours, within 0..1, that take part: neither
@@ -142,6 +145,35 @@ impl ColorField {
         self.splats = splats;
         self.splats.clear();
         gain
+    }
+
+    /// Forgets the colours of surfaces that are gone.
+    pub(super) fn forget(&mut self, lost: &Lost) {
+        for (block, rows) in lost.rows(&self.band) {
+            for row in rows {
+                // Vertices of blocks that no frame has finished are beyond the end.
+                if let Some(seen) = self.seen.get_mut(row as usize) {
+                    *seen = SeenColor::default();
+                }
+            }
+            self.changed.push(block);
+        }
+    }
+
+    /// Gives a surface a colour at one of its points.
+    pub(super) fn paint(&mut self, point: Vec3, color: Vec3) {
+        let place = self.band.scale.place(point);
+        let Some(block) = self.band.hold(&place) else { return };
+        self.seen.resize(self.band.rows(), SeenColor::default());
+        self.touched.resize(self.band.blocks(), 0);
+        let uppers = self.band.uppers(block);
+        for row in self.band.scale.vertices_around(&place, uppers) {
+            if row != NO_VERTEX {
+                self.seen[row as usize] =
+                    SeenColor { color: color.to_array(), weight: PAINTED_WEIGHT };
+            }
+        }
+        self.changed.extend(uppers.iter().filter(|block| **block != NO_BLOCK));
     }
 
     /// Brings the vertices around a pixel closer to it.

@@ -2,15 +2,18 @@
 //!
 //! It does not forget with time; about [`FLIP`] contrary observations flip a cell.
 
+mod edit;
 mod stored;
 
 use glam::Vec3;
 use rustc_hash::FxHashMap;
 
 use super::surfel::NO_SURFEL;
+use super::witnesses::{NOBODY, Witnesses};
 use crate::frame::Frame;
 use crate::octree::{Cell, cell_of, pack};
 
+pub(super) use edit::Forgotten;
 pub use stored::EvidenceState;
 
 /// A brick is a cube of this many cells a side, ...
@@ -69,6 +72,8 @@ pub struct Evidence {
     hit: Vec<u32>,
     /// First surfel of the cell.
     surfels: Vec<u32>,
+    /// Who crossed or hit it: a set of [`Witnesses`].
+    seen_by: Vec<u16>,
     /// Epoch that last touched the brick, while it is carved.
     visited: Vec<u32>,
     index: FxHashMap<u64, u32>,
@@ -77,11 +82,13 @@ pub struct Evidence {
     refused: Vec<u64>,
     /// Bricks that took surfels in the frame in hand; may hold repeats.
     filled: Vec<u32>,
+    /// Of cells, and of vertices that were seen free.
+    pub(super) witnesses: Witnesses,
 }
 
 impl Evidence {
     /// What a brick takes, bytes: its cells, its mask, place and mark, and its key in the index.
-    pub const BRICK_BYTES: usize = CELLS * (1 + 4 + 4 + 4) + 64 + 12 + 4 + 16;
+    pub const BRICK_BYTES: usize = CELLS * (1 + 4 + 4 + 4 + 2) + 64 + 12 + 4 + 16;
 
     /// An empty grid with cells of `cell_m`.
     pub fn new(cell_m: f32) -> Self {
@@ -93,11 +100,13 @@ impl Evidence {
             crossed: Vec::new(),
             hit: Vec::new(),
             surfels: Vec::new(),
+            seen_by: Vec::new(),
             visited: Vec::new(),
             index: FxHashMap::default(),
             max_bricks: NO_BRICK as usize,
             refused: Vec::new(),
             filled: Vec::new(),
+            witnesses: Witnesses::default(),
         }
     }
 
@@ -231,9 +240,7 @@ impl Evidence {
         }
         carved.changed_bricks.sort_unstable();
         carved.changed_bricks.dedup();
-        self.refused.sort_unstable();
-        self.refused.dedup();
-        carved.refused = self.refused.drain(..).len() as u64;
+        carved.refused = self.take_refused();
         carved
     }
 
@@ -244,6 +251,7 @@ impl Evidence {
             return;
         }
         self.hit[i] = epoch;
+        self.witness(i);
         self.visit(at.brick, epoch, carved);
         self.log_odds[i] = (self.log_odds[i] + 1).min(FLIP);
         if self.mark_known(at) {
@@ -295,6 +303,7 @@ impl Evidence {
         }
         let first = self.crossed[i] == 0;
         self.crossed[i] = epoch;
+        self.witness(i);
         self.visit(at.brick, epoch, carved);
         self.log_odds[i] = (self.log_odds[i] - 1).max(-FLIP);
         if self.mark_known(at) {
@@ -305,6 +314,16 @@ impl Evidence {
         }
         if self.surfels[i] != NO_SURFEL {
             carved.suspects.push(at);
+        }
+    }
+
+    /// Notes that the robot that looks saw a cell.
+    #[inline]
+    fn witness(&mut self, slot: usize) {
+        let set = self.seen_by[slot];
+        let joined = self.witnesses.join(set);
+        if joined != set {
+            self.seen_by[slot] = joined;
         }
     }
 
@@ -355,6 +374,7 @@ impl Evidence {
             self.crossed.resize(cells, 0);
             self.hit.resize(cells, 0);
             self.surfels.resize(cells, NO_SURFEL);
+            self.seen_by.resize(cells, NOBODY);
         }
         id
     }

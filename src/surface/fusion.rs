@@ -15,22 +15,20 @@ use super::observe::observe;
 use super::prior::{PriorChange, PriorField};
 use super::sight::Sight;
 use super::split;
-use super::surfel::{NO_SURFEL, SurfelMap, Touch};
+use super::surfel::{NO_SURFEL, SurfelMap, Told, Touch};
 use crate::config::MapConfig;
 use crate::frame::Frame;
 use crate::octree::{Cell, NO_ROW, NodeSource, Topology, cell_of};
 
 pub use stored::SurfaceState;
 
-/// A vertex is seen free if the returns behind it are farther by this, m.
-const FREE_MARGIN_M: f32 = 0.01;
 /// A surfel that this many frames saw through is gone.
-const GONE_AFTER: u32 = 8;
+const GONE_AFTER: u16 = 8;
 
 /// The observed surface and what follows from it in closed form.
 #[derive(Debug)]
 pub struct Surface {
-    lattice: Lattice,
+    pub(super) lattice: Lattice,
     surfel_stride: u32,
     carve_stride: u32,
     split_error_m: f32,
@@ -87,21 +85,22 @@ impl Surface {
         self.surfels.bytes() + self.evidence.bytes() + self.prior.bytes() + color
     }
 
-    /// Takes a frame in. `epoch` counts the frames from 1; `source` is the robot.
+    /// Takes a frame in. `epoch` counts the frames from 1; `robot` is who took it, if told apart.
     pub fn integrate(
         &mut self,
         frame: &Frame,
-        source: u32,
+        robot: Option<u16>,
         epoch: u32,
         topology: &mut Topology,
         pool: &rayon::ThreadPool,
     ) -> SurfaceChange {
         let noise = DepthNoise::estimate(&frame.depth);
+        self.look(robot);
         let Self { surfels, evidence, color, surfel_stride, carve_stride, .. } = self;
         let ((observations, touched), (carved, gain)) = pool.join(
             || {
                 let observations = observe(frame, &noise, *surfel_stride, pool);
-                let touched = surfels.fuse(&observations, source, epoch);
+                let touched = surfels.fuse(&observations, Told::Measured, epoch);
                 (observations.len(), touched)
             },
             || {
@@ -124,27 +123,47 @@ impl Surface {
         self.see_free(frame, &noise, &carved.visited, epoch, topology, pool);
         let mut touched_bricks = carved.visited;
         touched_bricks.extend(self.evidence.take_filled());
-        touched_bricks.sort_unstable();
-        touched_bricks.dedup();
-        let mut change = SurfaceChange {
-            changed_bricks: carved.changed_bricks,
-            touched_bricks,
-            surfels: self.surfels.take_changed(),
-            surfels_removed: gone.len(),
-            colors: self.color.as_mut().map_or_else(Vec::new, ColorField::take_changed),
-            gain,
-            ..SurfaceChange::default()
-        };
+        let mut change = self.change(carved.changed_bricks, touched_bricks);
+        change.surfels_removed = gone.len();
+        change.gain = gain;
         let sight = Sight::new(frame, &noise);
-        self.settle_and_split(&sight, epoch, topology, pool, &mut change.prior);
+        let is_free =
+            |this: &Self, row, topology: &Topology| this.seen_through_now(row, &sight, topology);
+        self.settle_and_split(is_free, epoch, topology, pool, &mut change.prior);
         change
     }
 
-    /// Lets waves run and splits leaves until neither changes anything. A vertex that has come to
-    /// lie behind a plane is judged by the frame at once: no later one may see it again.
-    fn settle_and_split(
+    /// Who sees what comes next.
+    pub(super) fn look(&mut self, robot: Option<u16>) {
+        self.surfels.witnesses.look(robot);
+        self.evidence.witnesses.look(robot);
+    }
+
+    /// What has changed, but for the prior.
+    pub(super) fn change(
         &mut self,
-        sight: &Sight<'_>,
+        mut changed_bricks: Vec<u32>,
+        mut touched_bricks: Vec<u32>,
+    ) -> SurfaceChange {
+        for bricks in [&mut changed_bricks, &mut touched_bricks] {
+            bricks.sort_unstable();
+            bricks.dedup();
+        }
+        SurfaceChange {
+            changed_bricks,
+            touched_bricks,
+            surfels: self.surfels.take_changed(),
+            colors: self.color.as_mut().map_or_else(Vec::new, ColorField::take_changed),
+            gain: Vec3::ONE,
+            ..SurfaceChange::default()
+        }
+    }
+
+    /// Lets waves run and splits leaves until neither changes anything. A vertex that has come to
+    /// lie behind a plane is judged at once, by `is_free` of its row: no later frame may see it again.
+    pub(super) fn settle_and_split(
+        &mut self,
+        is_free: impl Fn(&Self, u32, &Topology) -> bool + Sync,
         epoch: u32,
         topology: &mut Topology,
         pool: &rayon::ThreadPool,
@@ -155,10 +174,10 @@ impl Surface {
             self.prior.settle(topology, &self.surfels);
             let mut now = self.prior.evaluate(topology, &self.surfels, &self.evidence, pool);
             let free: Vec<u32> = pool.install(|| {
-                let is_free = |row: &u32| self.seen_through_now(*row, sight, topology);
+                let is_free = |row: &u32| is_free(self, *row, topology);
                 now.rows.par_iter().with_min_len(256).copied().filter(is_free).collect()
             });
-            free.into_iter().for_each(|row| self.prior.see_free(row, epoch));
+            free.into_iter().for_each(|row| self.note_free(row, epoch));
             let again = self.prior.evaluate(topology, &self.surfels, &self.evidence, pool);
             now.rows.extend(again.rows);
             now.voided.extend(again.voided);
@@ -186,7 +205,7 @@ impl Surface {
 
     /// Links new surfels to their evidence cells. One whose cell finds no room could never be seen
     /// to be gone, and is not kept. Returns the touched surfels less those.
-    fn index_new(&mut self, mut touched: Vec<(u32, Touch)>) -> Vec<(u32, Touch)> {
+    pub(super) fn index_new(&mut self, mut touched: Vec<(u32, Touch)>) -> Vec<(u32, Touch)> {
         let mut homeless = Vec::new();
         touched.retain(|&(id, touch)| {
             if touch != Touch::New {
@@ -247,7 +266,12 @@ impl Surface {
 
     /// Makes room: level-0 voxels at and around new surfels, free-space leaves in opened cells,
     /// a node for each brick.
-    fn allocate(&mut self, touched: &[(u32, Touch)], carved: &Carved, topology: &mut Topology) {
+    pub(super) fn allocate(
+        &mut self,
+        touched: &[(u32, Touch)],
+        carved: &Carved,
+        topology: &mut Topology,
+    ) {
         let l = self.lattice;
         let inverse = 1.0 / l.unit_m;
         let mut wanted: Vec<(Cell, u8)> = Vec::new();
@@ -290,7 +314,7 @@ impl Surface {
     }
 
     /// Offers new and moved surfels to the corners of the voxel around them.
-    fn seed(&mut self, touched: &[(u32, Touch)], topology: &Topology) {
+    pub(super) fn seed(&mut self, touched: &[(u32, Touch)], topology: &Topology) {
         let inverse = 1.0 / self.lattice.unit_m;
         for &(id, touch) in touched {
             if !self.surfels.get(id).alive() {
@@ -304,59 +328,6 @@ impl Surface {
             for &row in topology.corners(node) {
                 if row != NO_ROW {
                     self.prior.offer(row, id, topology, &self.surfels);
-                }
-            }
-        }
-    }
-
-    /// Vertices that a surfel's plane calls "behind" but the frame sees through.
-    fn see_free(
-        &mut self,
-        frame: &Frame,
-        noise: &DepthNoise,
-        bricks: &[u32],
-        epoch: u32,
-        topology: &Topology,
-        pool: &rayon::ThreadPool,
-    ) {
-        let sight = Sight::new(frame, noise);
-        let (l, this) = (self.lattice, &*self);
-        let in_brick = |&brick: &u32| -> Vec<u32> {
-            let cell = this.evidence.brick_cell(brick).map(|c| c << l.cell);
-            let mut rows = Vec::new();
-            topology.visit_rows(cell, l.brick, &mut |row| {
-                if this.seen_through_now(row, &sight, topology) {
-                    rows.push(row);
-                }
-            });
-            rows
-        };
-        let seen: Vec<Vec<u32>> =
-            pool.install(|| bricks.par_iter().with_min_len(4).map(in_brick).collect());
-        for row in seen.into_iter().flatten() {
-            self.prior.see_free(row, epoch);
-        }
-    }
-
-    /// Whether a frame sees through a vertex that a surfel's plane calls "behind", and none has since
-    /// the surfel was born.
-    fn seen_through_now(&self, row: u32, sight: &Sight<'_>, topology: &Topology) -> bool {
-        let surfel = self.prior.nearest(row);
-        let doubtful = surfel != NO_SURFEL
-            && self.prior.values()[row as usize][0] < 0.0
-            && self.prior.seen_free(row) < self.surfels.get(surfel).born;
-        let place = topology.positions()[row as usize];
-        doubtful && sight.through(place, FREE_MARGIN_M) == Some(true)
-    }
-
-    /// Vertices in cells that opened may change sign.
-    fn reopen(&mut self, opened: &[Cell], topology: &Topology) {
-        for cell in opened {
-            let low = cell.map(|c| c << self.lattice.cell);
-            let Some(node) = topology.finest(low) else { continue };
-            for &row in topology.corners(node) {
-                if row != NO_ROW {
-                    self.prior.mark(row);
                 }
             }
         }

@@ -3,21 +3,28 @@
 
 mod color;
 mod evidence;
+mod forget;
 mod fusion;
 mod label;
 mod lattice;
 mod noise;
 mod observe;
 mod prior;
+mod seen_free;
 mod sight;
 mod split;
+mod stamp;
 mod surfel;
 #[cfg(test)]
 mod test_frame;
+mod witnesses;
 
 pub use color::{ColorField, ColorState, SeenColor};
 pub use evidence::{BRICK_CELLS, CELLS, Carved, CellAddress, Evidence, EvidenceState, Known};
+pub use forget::{Forget, Lost};
 pub use fusion::{Surface, SurfaceChange, SurfaceState};
 pub use lattice::{Lattice, NEAR_M};
 pub use prior::{PriorChange, PriorField, PriorState};
-pub use surfel::{Link, NO_SURFEL, RIM_SHARE, Surfel, SurfelMap, SurfelState, Touch};
+pub use stamp::{Stamped, Stamping};
+pub use surfel::{FirstSurfel, Link, NO_SURFEL, RIM_SHARE, Surfel, SurfelMap, SurfelState, Touch};
+pub use witnesses::WitnessSets;

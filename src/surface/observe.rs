@@ -14,15 +14,15 @@ use crate::frame::Frame;
 
 /// One oriented surface point of one frame.
 #[derive(Debug, Clone, Copy)]
-pub struct Observation {
+pub(super) struct Observation {
     /// World metres.
-    pub point: Vec3,
+    pub(super) point: Vec3,
     /// Unit normal in world axes, towards the camera.
-    pub normal: Vec3,
+    pub(super) normal: Vec3,
     /// Confidence within (0, 1]: falls with the square of the depth.
-    pub weight: f32,
+    pub(super) weight: f32,
     /// Standard deviation of the point along the normal, m.
-    pub sigma_m: f32,
+    pub(super) sigma_m: f32,
 }
 
 /// Depth up to which an observation has full weight, m.

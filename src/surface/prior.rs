@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::evidence::Evidence;
 use super::surfel::{NO_SURFEL, SurfelMap};
+use super::witnesses::{NOBODY, Witnesses};
 use crate::octree::{Explicit, Topology};
 
 pub use stored::PriorState;
@@ -27,6 +28,8 @@ pub struct PriorField {
     values: Vec<Explicit>,
     /// Epoch that last saw through the vertex; 0 for never.
     seen_free: Vec<u32>,
+    /// Who saw through it: a set of the evidence's [`Witnesses`].
+    free_by: Vec<u16>,
     /// Intrusive lists: the vertices of each surfel.
     next: Vec<u32>,
     previous: Vec<u32>,
@@ -59,8 +62,9 @@ pub struct PriorChange {
 const VOID_M: f32 = 0.005;
 
 impl PriorField {
-    /// What a row takes, bytes: nearest surfel, reach, value, epoch seen free, list links, two flags.
-    pub const ROW_BYTES: usize = 4 + 4 + 16 + 4 + 8 + 2;
+    /// What a row takes, bytes: nearest surfel, reach, value, epoch seen free and by
+    /// whom, list links, two flags.
+    pub const ROW_BYTES: usize = 4 + 4 + 16 + 4 + 2 + 8 + 2;
 
     /// An empty field with distances up to `max_distance_m`.
     pub fn new(max_distance_m: f32) -> Self {
@@ -70,6 +74,7 @@ impl PriorField {
             reach: Vec::new(),
             values: Vec::new(),
             seen_free: Vec::new(),
+            free_by: Vec::new(),
             next: Vec::new(),
             previous: Vec::new(),
             heads: Vec::new(),
@@ -94,10 +99,34 @@ impl PriorField {
         self.seen_free[row as usize]
     }
 
-    /// Notes that a frame saw through a vertex.
-    pub fn see_free(&mut self, row: u32, epoch: u32) {
+    /// Notes that a frame, of the robot that looks, saw through a vertex.
+    pub(super) fn see_free(&mut self, row: u32, epoch: u32, witnesses: &mut Witnesses) {
         self.seen_free[row as usize] = epoch;
+        self.free_by[row as usize] = witnesses.join(self.free_by[row as usize]);
         self.mark(row);
+    }
+
+    /// Tells that a vertex was seen through in a frame, and by whom.
+    pub(super) fn tell_free(&mut self, row: u32, epoch: u32, by: u16) {
+        (self.seen_free[row as usize], self.free_by[row as usize]) = (epoch, by);
+        self.mark(row);
+    }
+
+    /// Forgets who saw through vertices, as far as `left` says: who is left of those that did, by
+    /// row, the frame that did last, and who.
+    pub(super) fn forget_free(&mut self, mut left: impl FnMut(u32, u32, u16) -> u16) {
+        for row in 0..self.seen_free.len() {
+            let (seen, by) = (self.seen_free[row], self.free_by[row]);
+            if seen == 0 {
+                continue;
+            }
+            let left = left(row as u32, seen, by);
+            self.free_by[row] = left;
+            if left == NOBODY {
+                self.seen_free[row] = 0;
+                self.mark(row as u32);
+            }
+        }
     }
 
     /// Bytes held.
@@ -112,6 +141,7 @@ impl PriorField {
         self.reach.resize(to, f32::INFINITY);
         self.values.resize(to, [self.max_distance_m, 0.0, 0.0, 0.0]);
         self.seen_free.resize(to, 0);
+        self.free_by.resize(to, NOBODY);
         self.next.resize(to, END);
         self.previous.resize(to, END);
         self.work.queued.resize(to, false);

@@ -1,6 +1,7 @@
 //! Fused surface elements in a voxel hash, keyed by cell and dominant normal axis with sign, so
 //! that the two sides of a panel never merge.
 
+mod key;
 mod stored;
 
 use bytemuck::{Pod, Zeroable};
@@ -8,9 +9,10 @@ use glam::Vec3;
 use rustc_hash::FxHashMap;
 
 use super::observe::Observation;
-use crate::octree::{LIMIT, cell_of};
+use super::witnesses::{NOBODY, Witnesses};
+use key::{dominant_axis, key, neighbourhood};
 
-pub use stored::SurfelState;
+pub use stored::{FirstSurfel, SurfelState};
 
 /// No surfel.
 pub const NO_SURFEL: u32 = u32::MAX;
@@ -36,10 +38,11 @@ pub struct Surfel {
     told_position: Vec3,
     told_normal: Vec3,
     /// Frames in a row that saw through it.
-    contrary: u32,
-    /// Which robot saw it first.
-    pub source: u32,
-    /// The epoch that made it.
+    contrary: u16,
+    /// Who saw it: a set of [`Witnesses`].
+    pub seen_by: u16,
+    /// The frame that saw it last, and the one that made it.
+    pub seen: u32,
     pub born: u32,
     key: u64,
 }
@@ -95,6 +98,15 @@ pub enum Touch {
     Moved,
 }
 
+/// What observations are to the surfels that are there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Told {
+    /// Measured: they join the running averages.
+    Measured,
+    /// Given: surfels of the same surface take their place and begin anew.
+    Given,
+}
+
 /// All surfels of a map.
 #[derive(Debug)]
 pub struct SurfelMap {
@@ -109,6 +121,7 @@ pub struct SurfelMap {
     by_key: FxHashMap<u64, u32>,
     /// Surfels that changed since [`SurfelMap::take_changed`]; may hold repeats.
     changed: Vec<u32>,
+    pub(super) witnesses: Witnesses,
     scratch: Scratch,
 }
 
@@ -145,6 +158,7 @@ impl SurfelMap {
             alive: 0,
             by_key: FxHashMap::default(),
             changed: Vec::new(),
+            witnesses: Witnesses::default(),
             scratch: Scratch::default(),
         }
     }
@@ -184,7 +198,7 @@ impl SurfelMap {
 
     /// Counts a frame that saw through the surfel (`true`) or saw it (`false`); returns the
     /// frames in a row that saw through it.
-    pub fn vote(&mut self, id: u32, seen_through: bool) -> u32 {
+    pub fn vote(&mut self, id: u32, seen_through: bool) -> u16 {
         let surfel = &mut self.surfels[id as usize];
         surfel.contrary =
             if seen_through { surfel.contrary.saturating_add(1) } else { surfel.contrary / 2 };
@@ -221,9 +235,25 @@ impl SurfelMap {
         (self.surfels.len() * (size_of::<Surfel>() + size_of::<Link>()) + self.alive * 16) as u64
     }
 
-    /// Fuses the observations of one frame; returns the surfels that are new or moved enough to
-    /// matter, in a fixed order.
-    pub fn fuse(&mut self, frame: &[Observation], source: u32, epoch: u32) -> Vec<(u32, Touch)> {
+    /// The ids of those that are alive, with what they are.
+    pub(super) fn iter(&self) -> impl Iterator<Item = (u32, &Surfel)> {
+        let all = self.surfels.iter().enumerate();
+        all.filter(|(_, surfel)| surfel.alive()).map(|(id, surfel)| (id as u32, surfel))
+    }
+
+    /// Notes who of those that saw a surfel is left.
+    pub(super) fn set_seen_by(&mut self, id: u32, set: u16) {
+        self.surfels[id as usize].seen_by = set;
+    }
+
+    /// Fuses the observations of one frame, of the robot that looks; returns the surfels that are
+    /// new or moved enough to matter, in a fixed order.
+    pub(super) fn fuse(
+        &mut self,
+        frame: &[Observation],
+        told: Told,
+        epoch: u32,
+    ) -> Vec<(u32, Touch)> {
         let mut scratch = std::mem::take(&mut self.scratch);
         scratch.slot_of.clear();
         scratch.keys.clear();
@@ -253,7 +283,7 @@ impl SurfelMap {
         let mut touched = Vec::new();
         for &slot in &scratch.order {
             let (key, sum) = (scratch.keys[slot as usize], &scratch.sums[slot as usize]);
-            if let Some(touch) = self.merge(key, sum, source, epoch) {
+            if let Some(touch) = self.merge(key, sum, told, epoch) {
                 touched.push(touch);
             }
         }
@@ -300,7 +330,7 @@ impl SurfelMap {
         own
     }
 
-    fn merge(&mut self, key: u64, sum: &Sum, source: u32, epoch: u32) -> Option<(u32, Touch)> {
+    fn merge(&mut self, key: u64, sum: &Sum, told: Told, epoch: u32) -> Option<(u32, Touch)> {
         let point = sum.point / sum.weight;
         let normal = sum.normal.normalize_or_zero();
         let weight = (sum.weight / sum.count).max(1e-3);
@@ -309,6 +339,11 @@ impl SurfelMap {
         }
         if let Some(&id) = self.by_key.get(&key) {
             let surfel = &mut self.surfels[id as usize];
+            if told == Told::Given {
+                (surfel.weight, surfel.contrary, surfel.born) = (0.0, 0, epoch);
+            }
+            surfel.seen = epoch;
+            surfel.seen_by = self.witnesses.join(surfel.seen_by);
             let total = surfel.weight + weight;
             surfel.position += (point - surfel.position) * (weight / total);
             surfel.normal =
@@ -321,7 +356,7 @@ impl SurfelMap {
             let moved = offset.dot(surfel.normal).abs() > limit
                 || offset.length_squared() > (8.0 * limit) * (8.0 * limit)
                 || surfel.normal.cross(surfel.told_normal).length_squared() > TURNED * TURNED;
-            if !moved {
+            if !moved && told == Told::Measured {
                 return None;
             }
             (surfel.told_position, surfel.told_normal) = (surfel.position, surfel.normal);
@@ -338,7 +373,8 @@ impl SurfelMap {
             told_position: point,
             told_normal: normal,
             contrary: 0,
-            source,
+            seen_by: self.witnesses.join(NOBODY),
+            seen: epoch,
             born: epoch,
             key,
         };
@@ -362,32 +398,6 @@ impl SurfelMap {
     }
 }
 
-/// 0..6: the axis of the largest component, with its sign.
-fn dominant_axis(normal: Vec3) -> u64 {
-    let a = normal.abs();
-    let axis = if a.x >= a.y && a.x >= a.z {
-        0
-    } else if a.y >= a.z {
-        1
-    } else {
-        2
-    };
-    axis * 2 + u64::from(normal[axis as usize] < 0.0)
-}
-
-/// 20 bits an axis and three for the normal. Cells wrap after 2²⁰, far beyond the lattice.
-fn key(point: Vec3, inverse_size: f32, axis: u64) -> u64 {
-    let part = |c: i32| u64::from(c.wrapping_add(LIMIT) as u32 & 0xf_ffff);
-    let [x, y, z] = cell_of(point, inverse_size);
-    part(x) | part(y) << 20 | part(z) << 40 | axis << 60
-}
-
-/// The block of 4³ cells that a key lies in.
-fn neighbourhood(key: u64) -> u64 {
-    let mask = 0x3_ffff;
-    (key >> 2 & mask) | (key >> 22 & mask) << 18 | (key >> 42 & mask) << 36
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -400,7 +410,8 @@ mod tests {
     fn the_two_sides_of_a_panel_stay_apart() {
         let mut map = SurfelMap::new(0.04);
         let p = Vec3::splat(0.01);
-        let touched = map.fuse(&[observation(p, Vec3::Z), observation(p, -Vec3::Z)], 0, 1);
+        let touched =
+            map.fuse(&[observation(p, Vec3::Z), observation(p, -Vec3::Z)], Told::Measured, 1);
         assert_eq!(touched.len(), 2);
     }
 
@@ -408,7 +419,11 @@ mod tests {
     fn noise_along_the_normal_builds_one_layer() {
         let mut map = SurfelMap::new(0.02);
         for (epoch, z) in [0.019, 0.021, 0.018, 0.022].into_iter().enumerate() {
-            map.fuse(&[observation(Vec3::new(0.01, 0.01, z), Vec3::Z)], 0, epoch as u32);
+            map.fuse(
+                &[observation(Vec3::new(0.01, 0.01, z), Vec3::Z)],
+                Told::Measured,
+                epoch as u32,
+            );
         }
         assert_eq!(map.len(), 1);
         assert!((map.get(0).position.z - 0.02).abs() < 1e-4);
@@ -417,18 +432,18 @@ mod tests {
     #[test]
     fn a_removed_surfel_makes_room() {
         let mut map = SurfelMap::new(0.02);
-        map.fuse(&[observation(Vec3::ZERO, Vec3::Z)], 0, 1);
+        map.fuse(&[observation(Vec3::ZERO, Vec3::Z)], Told::Measured, 1);
         map.remove(0);
         assert!(map.is_empty() && !map.get(0).alive());
         map.release(&[0]);
-        map.fuse(&[observation(Vec3::ZERO, Vec3::Z)], 0, 2);
+        map.fuse(&[observation(Vec3::ZERO, Vec3::Z)], Told::Measured, 2);
         assert_eq!((map.len(), map.slots()), (1, 1));
     }
 
     #[test]
     fn disc_distance_has_a_unit_gradient() {
         let mut map = SurfelMap::new(0.04);
-        map.fuse(&[observation(Vec3::ZERO, Vec3::new(0.6, 0.0, 0.8))], 0, 1);
+        map.fuse(&[observation(Vec3::ZERO, Vec3::new(0.6, 0.0, 0.8))], Told::Measured, 1);
         let surfel = map.get(0);
         for p in [Vec3::new(0.1, 0.2, 0.3), Vec3::new(0.005, 0.0, 0.0), Vec3::new(-0.2, 0.1, -0.4)]
         {

@@ -30,6 +30,8 @@ pub struct Pixel {
 /// What training keeps of a frame.
 #[derive(Debug, Clone)]
 pub struct KeyFrame {
+    /// The robot that took it; `None` for one that is not told apart.
+    pub robot: Option<u16>,
     /// Camera centre, world metres.
     pub origin: Vec3,
     pub world_from_camera: Mat3,
@@ -49,9 +51,15 @@ pub struct KeyFrame {
 }
 
 impl KeyFrame {
-    /// Samples a frame on a regular grid of at most `max_pixels` pixels; with the gain of its colours
-    /// if they are trained on.
-    pub fn new(frame: &Frame, max_pixels: usize, r0_m: f32, gain: Option<Vec3>) -> Self {
+    /// Samples a frame of a robot on a regular grid of at most `max_pixels` pixels; with the gain of
+    /// its colours if they are trained on.
+    pub fn new(
+        frame: &Frame,
+        robot: Option<u16>,
+        max_pixels: usize,
+        r0_m: f32,
+        gain: Option<Vec3>,
+    ) -> Self {
         let k = &frame.intrinsics;
         let mut stride = 1usize;
         while (k.width as usize).div_ceil(stride) * (k.height as usize).div_ceil(stride)
@@ -60,6 +68,7 @@ impl KeyFrame {
             stride += 1;
         }
         let mut key_frame = Self {
+            robot,
             origin: frame.world_from_camera.position_f32(),
             world_from_camera: frame.world_from_camera.rotation_f32(),
             camera: [1.0 / k.fx as f32, 1.0 / k.fy as f32, k.cx as f32, k.cy as f32],

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use rustc_hash::FxHashMap;
 
-pub use self::stored::{FrameRecord, KeyFramesState};
+pub use self::stored::{FrameRecord, KeyFramesState, NO_ROBOT};
 use super::key_frame::{KeyFrame, Standpoint};
 use crate::config::MapConfig;
 
@@ -152,6 +152,15 @@ impl KeyFrames {
         }
     }
 
+    /// Gives up the key frames of a robot; returns how many there were.
+    pub fn forget_robot(&mut self, robot: u16) -> u64 {
+        let is_its = |kept: &Kept| kept.frame.robot == Some(robot);
+        let ids: Vec<u32> =
+            self.frames.iter().filter(|(_, kept)| is_its(kept)).map(|(id, _)| *id).collect();
+        ids.iter().for_each(|id| self.remove(*id));
+        ids.len() as u64
+    }
+
     fn remove(&mut self, id: u32) {
         let Some(Kept { frame, .. }) = self.frames.remove(&id) else { return };
         self.changed = true;
@@ -284,7 +293,10 @@ mod tests {
         let config = MapConfig::from_settings(&MapSettings::default()).expect("defaults");
         let room = Synthetic::room(60).with_width(32);
         let frames: Vec<KeyFrame> = (0..room.len())
-            .map(|i| KeyFrame::new(&room.load(i, false).expect("a frame"), 4096, config.r0_m, None))
+            .map(|i| {
+                let frame = room.load(i, false).expect("a frame");
+                KeyFrame::new(&frame, Some(0), 4096, config.r0_m, None)
+            })
             .collect();
         let mut held = KeyFrames::new(&config);
         let lap = |held: &mut KeyFrames| {

@@ -10,7 +10,7 @@ mod schedule;
 pub use batch::{Batch, SampleKind};
 pub use colors::{ColorRay, draw_colors};
 pub use key_frame::{KeyFrame, Pixel};
-pub use key_frames::{FrameRecord, KeyFrames, KeyFramesState};
+pub use key_frames::{FrameRecord, KeyFrames, KeyFramesState, NO_ROBOT};
 pub use rays::{
     FREE_END_M, FREE_START_M, PERTURBED_LIMIT_M, PERTURBED_M, RAY_SAMPLES, RayPlan, sample, stale_m,
 };

@@ -6,6 +6,7 @@
 
 mod codec;
 mod columns;
+mod edits;
 mod ending;
 mod features;
 mod frame_head;
@@ -27,6 +28,7 @@ pub use columns::{
     COLUMNS, Columns, EPOCH, HEIGHT, NEWEST_STAMP_NS, POINTS, SERVER_US, WIDTH, columns_from_wire,
     columns_to_wire, named_columns_to_wire,
 };
+pub use edits::{clear_to_wire, edited_to_wire, stamp_to_wire};
 pub use ending::{Deadline, Ending};
 pub use frame_head::{FrameHead, settle_name};
 pub use ingest::{FrameSummary, IncomingFrame, ack_to_wire, frame_to_wire, labelled_frame_to_wire};

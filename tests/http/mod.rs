@@ -2,6 +2,7 @@
 
 mod contract;
 mod dashboard;
+mod edits;
 mod images;
 mod life;
 mod numbers;

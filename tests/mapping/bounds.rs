@@ -87,7 +87,7 @@ fn a_frame_costs_the_same_however_large_the_map_is() {
     for index in 0..data.len() {
         let frame = data.load(index, false).unwrap();
         let voxels = topology.voxels();
-        let change = surface.integrate(&frame, 0, index as u32 + 1, &mut topology, &pool);
+        let change = surface.integrate(&frame, Some(0), index as u32 + 1, &mut topology, &pool);
         let cost = [
             (topology.voxels() - voxels) as usize,
             change.prior.rows.len(),

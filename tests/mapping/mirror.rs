@@ -10,7 +10,11 @@ use orenx::dataset::synthetic::Synthetic;
 use orenx::dataset::synthetic::moved_box::BEFORE;
 use orenx::error::Result;
 use orenx::frame::Frame;
-use orenx::map::{Copied, Copying, Fields, Head, MapView, Mapper, Part, Table};
+use orenx::geometry::{Region, Solid};
+use orenx::map::{
+    Clear, Copied, Copying, Edit, Fields, Head, MapView, Mapper, Part, STAMP_ROBOT, Stamp, Table,
+};
+use orenx::surface::Stamping;
 
 use super::language::{direction, frame};
 
@@ -92,6 +96,25 @@ fn a_copy_that_follows_is_the_view_bit_for_bit() {
         let (mut followed, mut last) = (None::<(MapView, Arc<MapView>)>, 0);
         for index in 0..6 {
             mapper.integrate(&colored(&data, index)).unwrap();
+            // What is forgotten is told too, and what is put in.
+            let ball = (BEFORE, 0.4);
+            let edit = match index {
+                3 => Some(Edit::Clear(Clear {
+                    region: Some(Region::Sphere { center: ball.0, radius_m: ball.1 }),
+                    ..Clear::default()
+                })),
+                4 => Some(Edit::Stamp(Stamp {
+                    solid: Solid::Sphere { center: ball.0, radius_m: 0.5 * ball.1 },
+                    stamping: Stamping::Add,
+                    color: Some(Vec3::new(0.1, 0.9, 0.2)),
+                    robot_id: STAMP_ROBOT.into(),
+                })),
+                _ => None,
+            };
+            if let Some(edit) = edit {
+                let edited = mapper.edit(&edit).unwrap();
+                assert!(edited.surfels_removed + edited.surfels_added > 20, "{edited:?}");
+            }
             let view = mapper.publish();
             let old = followed.as_ref().map(|(copy, original)| (copy, &**original));
             let (head, parts) = told(&view, old.map(|(_, original)| original), Copied::ALL);

@@ -3,6 +3,7 @@
 
 mod bounds; // the root grows, the cost of a frame does not, memory has a limit
 mod colors; // what was seen of colours is said, and survives a file
+mod edits; // what is cleared is unknown, what is stamped is there
 mod fields; // distance, sign, gradient and state against the truth
 mod fixed; // the same input gives the same file: threads, interruption
 mod gpu; // the GPU backend makes the map that the CPU backend makes

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod crash;
+mod edits;
 mod frames;
 pub(crate) mod images;
 mod journal;

@@ -112,7 +112,7 @@ mod tests {
         let seen = Synthetic::room(2).with_width(16).load(0, false).expect("a frame");
         let pixel = |z: u16, u: u16| Pixel { u, v: 1, z: f32::from(z) };
         let frame = |z: u16| {
-            let mut frame = KeyFrame::new(&seen, 16, 0.1, None);
+            let mut frame = KeyFrame::new(&seen, None, 16, 0.1, None);
             frame.pixels = (0..7).map(|u| pixel(z, u)).collect();
             frame
         };

@@ -103,6 +103,14 @@ impl Codes {
         &self.values[row * self.stride..(row + 1) * self.stride]
     }
 
+    /// A vertex that nobody saw.
+    pub fn forget(&mut self, row: usize) {
+        if row < self.rows() {
+            self.weights[row] = 0.0;
+            self.values[row * self.stride..(row + 1) * self.stride].fill(0.0);
+        }
+    }
+
     /// Takes the code of something seen at a place into the vertices around it that exist, by their
     /// trilinear weights: n ← min(n + w, 20), c ← c + (w / n)(code − c). Coefficients beyond the
     /// code's end count as zero. A code that is nothing, of a feature that is zero or from before

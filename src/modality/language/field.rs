@@ -289,6 +289,15 @@ impl LanguageField {
         }
     }
 
+    /// Forgets the codes of vertices, given block by block.
+    pub fn forget(&mut self, lost: &[(u32, Vec<u32>)]) {
+        let Some(learned) = &mut self.learned else { return };
+        for (block, rows) in lost {
+            rows.iter().for_each(|row| learned.codes.forget(*row as usize));
+            self.changed.push(*block);
+        }
+    }
+
     /// Everything that [`LanguageField::with_state`] needs to go on as if it had not stopped.
     pub fn state(&self) -> LanguageState<'_> {
         let cells = Cow::Borrowed(self.band.cells());

@@ -4,6 +4,7 @@
 mod admin;
 mod body;
 mod dashboard;
+mod edits;
 mod events;
 mod found;
 mod guard;

@@ -13,8 +13,8 @@ use utoipa::{IntoParams, IntoResponses, Modify, OpenApi, ToSchema};
 use super::super::access::{KEY_HEADER, Needs, rule};
 use super::limits::Limits;
 use super::{
-    admin, dashboard, events, images, language, maps, pieces, planner, points, probes, refusal,
-    slices, snapshots, spheres, voxels, watches,
+    admin, dashboard, edits, events, images, language, maps, pieces, planner, points, probes,
+    refusal, slices, snapshots, spheres, voxels, watches,
 };
 
 #[derive(OpenApi)]
@@ -29,7 +29,7 @@ use super::{
     paths(
         dashboard::root, dashboard::asset, events::events, pieces::pieces, pieces::ply,
         probes::healthy, probes::alive, probes::ready, probes::metrics,
-        probes::openapi, admin::config, admin::log, maps::list, maps::detail, maps::create, maps::delete, maps::stats, maps::reset, points::query,
+        probes::openapi, admin::config, admin::log, maps::list, maps::detail, maps::create, maps::delete, maps::stats, maps::reset, edits::clear, edits::stamp, points::query,
         images::render, language::text, language::embedding, language::classify,
         language::encoders, spheres::spheres, planner::trajectories, planner::rays,
         planner::nearest, voxels::grid, slices::png, slices::json, slices::bin,
@@ -227,6 +227,15 @@ impl IntoResponses for TransferRefusals {
     }
 }
 
+/// What may be answered instead of a change by hand.
+pub(super) struct EditRefusals;
+
+impl IntoResponses for EditRefusals {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        refusals(&[404, 408, 409, 413, 415, 429])
+    }
+}
+
 /// What a question about points may be answered instead.
 pub(super) struct PointRefusals;
 
@@ -264,7 +273,7 @@ fn meaning(status: u16) -> &'static str {
         400 => "INVALID_ARGUMENT: the field and the limit that it broke are in the message.",
         401 => "UNAUTHENTICATED: the server wants a key, and there is none, or none of its own.",
         403 => "PERMISSION_DENIED: the key is of another role, or a page of another site asks.",
-        404 => "NOT_FOUND: no such map, or no such snapshot.",
+        404 => "NOT_FOUND: no such map, no such snapshot, or no such robot in the map.",
         406 => "NOT_ACCEPTABLE: there is no answer in the form that `accept` asks for.",
         408 => "REQUEST_TIMEOUT: the body did not arrive in time.",
         409 => {

@@ -6,7 +6,7 @@ use axum::Router;
 use axum::routing::{get, post, put};
 
 use super::{
-    Edge, admin, dashboard, events, images, language, maps, pieces, planner, points, probes,
+    Edge, admin, dashboard, edits, events, images, language, maps, pieces, planner, points, probes,
     slices, snapshots, spheres, voxels, watches,
 };
 
@@ -34,6 +34,8 @@ routes! {
     "/v1/maps/{map}" => get(maps::detail).put(maps::create).delete(maps::delete),
     "/v1/maps/{map}/stats" => get(maps::stats),
     "/v1/maps/{map}/reset" => post(maps::reset),
+    "/v1/maps/{map}/clear" => post(edits::clear),
+    "/v1/maps/{map}/stamp" => post(edits::stamp),
     "/v1/maps/{map}/query/points" => post(points::query),
     "/v1/maps/{map}/render" => post(images::render),
     "/v1/maps/{map}/query/text" => post(language::text),

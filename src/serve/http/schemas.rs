@@ -181,6 +181,11 @@ pub(super) fn translation() -> Schema {
     three(within).description(Some("[x, y, z] of the camera, world metres.")).into()
 }
 
+pub(super) fn place() -> Schema {
+    let within = number(&[]).minimum(Some(-MAX_COORDINATE_M)).maximum(Some(MAX_COORDINATE_M));
+    three(within).description(Some("[x, y, z], world metres.")).into()
+}
+
 pub(super) fn rotation() -> Schema {
     let text = "[x, y, z, w] of a unit quaternion. A length that is off by up to 1e-2 is normalised; \
                 more is refused.";

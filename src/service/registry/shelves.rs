@@ -103,7 +103,7 @@ impl Ground {
         let file = folder.join(MAP_FILE);
         // Its epoch may be readable where not all of it is.
         if let Ok(summary) = Summary::peek(&file) {
-            mapper.follow(summary.epoch);
+            mapper.succeed(summary.epoch);
         }
         if let Some(aside) = storage::set_aside(&file)? {
             tracing::warn!("map '{map_id}': what could not be loaded is now {}", aside.display());

@@ -9,7 +9,9 @@ use crate::config::MapConfig;
 use crate::error::Result;
 use crate::octree::{Root, TopologyState};
 use crate::storage::sections::{Sections, Tag};
-use crate::surface::{ColorState, EvidenceState, PriorState, SurfaceState, SurfelState};
+use crate::surface::{
+    ColorState, EvidenceState, FirstSurfel, PriorState, SurfaceState, SurfelState, WitnessSets,
+};
 
 #[derive(Serialize, Deserialize)]
 struct Tree {
@@ -30,6 +32,10 @@ pub(super) fn put_topology<'a>(out: &mut Sections<'a>, state: &'a TopologyState<
 
 pub(super) fn put_surface<'a>(out: &mut Sections<'a>, state: &'a SurfaceState<'_>) -> Result<()> {
     out.put_array(SURFELS, &state.surfels.surfels)?;
+    out.put_record(SURFEL_WITNESSES, &state.surfels.witnesses)?;
+    out.put_record(WITNESSES, &state.evidence.witnesses)?;
+    out.put_array(CELL_SEEN_BY, &state.evidence.seen_by)?;
+    out.put_array(PRIOR_FREE_BY, &state.prior.free_by)?;
     out.put_array(SURFEL_LINKS, &state.surfels.links)?;
     out.put_array(SURFEL_FREE, &state.surfels.free)?;
     out.put_array(BRICKS, &state.evidence.bricks)?;
@@ -67,34 +73,39 @@ pub(super) fn take_topology(from: &mut Sections<'_>) -> Result<TopologyState<'st
     })
 }
 
+/// `has_one_robot`: for files from before it was known who saw what.
 pub(super) fn take_surface(
     config: &MapConfig,
     from: &mut Sections<'_>,
+    has_one_robot: bool,
 ) -> Result<SurfaceState<'static>> {
     let color = if config.has("radiance") {
         Some(ColorState { cells: owned(from, COLOR_CELLS)?, seen: owned(from, COLOR_SEEN)? })
     } else {
         None
     };
+    let surfels = take_surfels(from, has_one_robot)?;
+    let log_odds: Cow<'static, [i8]> = owned(from, CELL_ODDS)?;
+    let seen_free: Cow<'static, [u32]> = owned(from, PRIOR_SEEN)?;
+    let seen = take_seen(from, (log_odds.len(), seen_free.len()), has_one_robot)?;
     Ok(SurfaceState {
-        surfels: SurfelState {
-            surfels: owned(from, SURFELS)?,
-            links: owned(from, SURFEL_LINKS)?,
-            free: owned(from, SURFEL_FREE)?,
-        },
+        surfels,
         evidence: EvidenceState {
             bricks: owned(from, BRICKS)?,
             known: owned(from, BRICK_KNOWN)?,
-            log_odds: owned(from, CELL_ODDS)?,
+            log_odds,
             crossed: owned(from, CELL_CROSSED)?,
             hit: owned(from, CELL_HIT)?,
             surfels: owned(from, CELL_SURFELS)?,
+            seen_by: seen.cells,
+            witnesses: seen.witnesses,
         },
         prior: PriorState {
             nearest: owned(from, PRIOR_NEAREST)?,
             reach: owned(from, PRIOR_REACH)?,
             values: owned(from, PRIOR_VALUES)?,
-            seen_free: owned(from, PRIOR_SEEN)?,
+            seen_free,
+            free_by: seen.rows,
             next: owned(from, PRIOR_NEXT)?,
             previous: owned(from, PRIOR_PREVIOUS)?,
             heads: owned(from, PRIOR_HEADS)?,
@@ -102,6 +113,46 @@ pub(super) fn take_surface(
         ringed: owned(from, RINGED)?,
         color,
     })
+}
+
+fn take_surfels(from: &mut Sections<'_>, has_one_robot: bool) -> Result<SurfelState<'static>> {
+    let (surfels, witnesses) = if is_new(from) {
+        (owned(from, SURFELS)?, from.take_record(SURFEL_WITNESSES)?)
+    } else {
+        let first: Vec<FirstSurfel> = from.take_array(FIRST_SURFELS)?;
+        let (witnesses, set) = WitnessSets::of_old_file(has_one_robot);
+        (first.into_iter().map(|surfel| surfel.seen_by(set)).collect(), witnesses)
+    };
+    let (links, free) = (owned(from, SURFEL_LINKS)?, owned(from, SURFEL_FREE)?);
+    Ok(SurfelState { surfels, links, free, witnesses })
+}
+
+/// Who saw cells of evidence, and vertices free.
+struct Seen {
+    cells: Cow<'static, [u16]>,
+    rows: Cow<'static, [u16]>,
+    witnesses: WitnessSets,
+}
+
+fn take_seen(
+    from: &mut Sections<'_>,
+    (cells, rows): (usize, usize),
+    has_one_robot: bool,
+) -> Result<Seen> {
+    if is_new(from) {
+        return Ok(Seen {
+            cells: owned(from, CELL_SEEN_BY)?,
+            rows: owned(from, PRIOR_FREE_BY)?,
+            witnesses: from.take_record(WITNESSES)?,
+        });
+    }
+    let (witnesses, set) = WitnessSets::of_old_file(has_one_robot);
+    Ok(Seen { cells: vec![set; cells].into(), rows: vec![set; rows].into(), witnesses })
+}
+
+/// Whether the file says who saw what.
+pub(super) fn is_new(from: &Sections<'_>) -> bool {
+    from.tags().any(|tag| tag == WITNESSES)
 }
 
 fn owned<T: bytemuck::Pod>(from: &mut Sections<'_>, tag: Tag) -> Result<Cow<'static, [T]>> {

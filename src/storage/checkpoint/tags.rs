@@ -12,7 +12,15 @@ pub(super) const NODE_LOWS: Tag = Tag(*b"NLOW");
 pub(super) const NODE_SIZES: Tag = Tag(*b"NSIZ");
 pub(super) const NODE_BRICKS: Tag = Tag(*b"NBRK");
 pub(super) const VERTICES: Tag = Tag(*b"VERT");
-pub(super) const SURFELS: Tag = Tag(*b"SURF");
+/// Of files from before it was known who saw what; they have none of those that follow.
+pub(super) const FIRST_SURFELS: Tag = Tag(*b"SURF");
+pub(super) const SURFELS: Tag = Tag(*b"SRF2");
+pub(super) const SURFEL_WITNESSES: Tag = Tag(*b"SWIT");
+pub(super) const WITNESSES: Tag = Tag(*b"EWIT");
+pub(super) const CELL_SEEN_BY: Tag = Tag(*b"ESBY");
+pub(super) const PRIOR_FREE_BY: Tag = Tag(*b"PFBY");
+pub(super) const KEY_ROBOTS: Tag = Tag(*b"KROB");
+pub(super) const TIMELINE: Tag = Tag(*b"TIME");
 pub(super) const SURFEL_LINKS: Tag = Tag(*b"SLNK");
 pub(super) const SURFEL_FREE: Tag = Tag(*b"SFRE");
 pub(super) const BRICKS: Tag = Tag(*b"EBRK");
@@ -68,7 +76,7 @@ pub(super) const VIEWPOINTS: Tag = Tag(*b"vpts");
 pub(super) const VIEW: Tag = Tag(*b"VIEW");
 pub(super) const VIEW_ROWS: Tag = Tag(*b"VROW");
 
-pub(super) const ALL: [Tag; 62] = [
+pub(super) const ALL: [Tag; 69] = [
     KIND,
     CONFIG,
     PROGRESS,
@@ -79,7 +87,14 @@ pub(super) const ALL: [Tag; 62] = [
     NODE_SIZES,
     NODE_BRICKS,
     VERTICES,
+    FIRST_SURFELS,
     SURFELS,
+    SURFEL_WITNESSES,
+    WITNESSES,
+    CELL_SEEN_BY,
+    PRIOR_FREE_BY,
+    KEY_ROBOTS,
+    TIMELINE,
     SURFEL_LINKS,
     SURFEL_FREE,
     BRICKS,

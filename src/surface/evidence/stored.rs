@@ -6,6 +6,7 @@ use super::{CELLS, Evidence, Known};
 use crate::error::{Error, Result};
 use crate::octree::{Cell, pack};
 use crate::surface::surfel::NO_SURFEL;
+use crate::surface::witnesses::{WitnessSets, Witnesses};
 
 /// A stored grid.
 #[derive(Debug)]
@@ -16,6 +17,9 @@ pub struct EvidenceState<'a> {
     pub crossed: Cow<'a, [u32]>,
     pub hit: Cow<'a, [u32]>,
     pub surfels: Cow<'a, [u32]>,
+    pub seen_by: Cow<'a, [u16]>,
+    /// Of cells, and of vertices that were seen free.
+    pub witnesses: WitnessSets,
 }
 
 impl Evidence {
@@ -28,20 +32,36 @@ impl Evidence {
             crossed: Cow::Borrowed(&self.crossed),
             hit: Cow::Borrowed(&self.hit),
             surfels: Cow::Borrowed(&self.surfels),
+            seen_by: Cow::Borrowed(&self.seen_by),
+            witnesses: self.witnesses.state(),
         }
     }
 
-    /// Takes up a stored state; `surfels` is the number of surfel slots.
-    pub fn with_state(mut self, state: EvidenceState<'_>, surfels: usize) -> Result<Self> {
+    /// Takes up a stored state; `surfels` is the number of surfel slots, `free_by` who saw vertices
+    /// free.
+    pub fn with_state(
+        mut self,
+        state: EvidenceState<'_>,
+        surfels: usize,
+        free_by: &[u16],
+    ) -> Result<Self> {
         let bricks = state.bricks.len();
-        let cells =
-            [state.log_odds.len(), state.crossed.len(), state.hit.len(), state.surfels.len()];
+        let cells = [
+            state.log_odds.len(),
+            state.crossed.len(),
+            state.hit.len(),
+            state.surfels.len(),
+            state.seen_by.len(),
+        ];
         if state.known.len() != bricks
             || cells.iter().any(|&c| c != bricks * CELLS)
             || state.surfels.iter().any(|&s| s != NO_SURFEL && s as usize >= surfels)
         {
             return Err(Error::corrupt("evidence", "columns do not fit together"));
         }
+        let columns = state.seen_by.iter().chain(free_by).copied();
+        self.witnesses = Witnesses::with_state(state.witnesses, columns)?;
+        self.seen_by = state.seen_by.into_owned();
         self.bricks = state.bricks.into_owned();
         self.known = state.known.into_owned();
         self.log_odds = state.log_odds.into_owned();

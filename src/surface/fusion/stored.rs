@@ -35,7 +35,8 @@ impl Surface {
     pub fn with_state(mut self, state: SurfaceState<'_>, rows: usize) -> Result<Self> {
         self.surfels = self.surfels.with_state(state.surfels)?;
         let slots = self.surfels.slots();
-        self.evidence = self.evidence.with_state(state.evidence, slots)?;
+        let free_by = &state.prior.free_by;
+        self.evidence = self.evidence.with_state(state.evidence, slots, free_by)?;
         self.prior = self.prior.with_state(state.prior, rows, slots)?;
         self.ringed = state.ringed.into_owned();
         self.color = match (self.color, state.color) {

@@ -12,7 +12,7 @@ fn worst_in_front_of(wall_m: f32) -> f32 {
     let mut topology = Topology::new(lattice.unit_m, lattice.brick);
     let mut surface = Surface::new(&config);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-    surface.integrate(&frame(150.0, |_, _| wall_m), 0, 1, &mut topology, &pool);
+    surface.integrate(&frame(150.0, |_, _| wall_m), None, 1, &mut topology, &pool);
     // The camera is at (1, 2, 3) and looks along x; around its axis the wall is the nearest thing.
     let ahead = |at: &glam::Vec3| {
         (at.y - 2.0).abs() < 0.21

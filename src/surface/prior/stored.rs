@@ -14,6 +14,7 @@ pub struct PriorState<'a> {
     pub reach: Cow<'a, [f32]>,
     pub values: Cow<'a, [Explicit]>,
     pub seen_free: Cow<'a, [u32]>,
+    pub free_by: Cow<'a, [u16]>,
     pub next: Cow<'a, [u32]>,
     pub previous: Cow<'a, [u32]>,
     pub heads: Cow<'a, [u32]>,
@@ -27,6 +28,7 @@ impl PriorField {
             reach: Cow::Borrowed(&self.reach),
             values: Cow::Borrowed(&self.values),
             seen_free: Cow::Borrowed(&self.seen_free),
+            free_by: Cow::Borrowed(&self.free_by),
             next: Cow::Borrowed(&self.next),
             previous: Cow::Borrowed(&self.previous),
             heads: Cow::Borrowed(&self.heads),
@@ -45,6 +47,7 @@ impl PriorField {
             state.reach.len(),
             state.values.len(),
             state.seen_free.len(),
+            state.free_by.len(),
             state.next.len(),
             state.previous.len(),
         ];
@@ -61,6 +64,7 @@ impl PriorField {
         self.reach = state.reach.into_owned();
         self.values = state.values.into_owned();
         self.seen_free = state.seen_free.into_owned();
+        self.free_by = state.free_by.into_owned();
         self.next = state.next.into_owned();
         self.previous = state.previous.into_owned();
         self.heads = state.heads.into_owned();

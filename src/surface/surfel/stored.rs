@@ -2,8 +2,11 @@
 
 use std::borrow::Cow;
 
+use bytemuck::{Pod, Zeroable};
+
 use super::{Link, NO_SURFEL, Surfel, SurfelMap};
 use crate::error::{Error, Result};
+use crate::surface::witnesses::{WitnessSets, Witnesses};
 
 /// Stored surfels.
 #[derive(Debug)]
@@ -11,6 +14,32 @@ pub struct SurfelState<'a> {
     pub surfels: Cow<'a, [Surfel]>,
     pub links: Cow<'a, [Link]>,
     pub free: Cow<'a, [u32]>,
+    pub witnesses: WitnessSets,
+}
+
+/// A surfel as files held it before they said who saw it: they held the robot that saw it first.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+pub struct FirstSurfel {
+    /// Place, normal and weight, place and normal as told.
+    measured: [f32; 13],
+    contrary: u32,
+    source: u32,
+    born: u32,
+    key: [u32; 2],
+}
+
+impl FirstSurfel {
+    /// The surfel, seen by `seen_by`. When it was seen last is not known: not before it was made.
+    pub fn seen_by(self, seen_by: u16) -> Surfel {
+        let contrary = self.contrary.min(u32::from(u16::MAX)) as u16;
+        let words = [u32::from(contrary) | u32::from(seen_by) << 16, self.born, self.born];
+        let mut all = [0; 18];
+        all[..13].copy_from_slice(&self.measured.map(f32::to_bits));
+        all[13..16].copy_from_slice(&words);
+        all[16..].copy_from_slice(&self.key);
+        bytemuck::pod_read_unaligned(bytemuck::cast_slice(&all))
+    }
 }
 
 impl SurfelMap {
@@ -20,6 +49,7 @@ impl SurfelMap {
             surfels: Cow::Borrowed(&self.surfels),
             links: Cow::Borrowed(&self.links),
             free: Cow::Borrowed(&self.free),
+            witnesses: self.witnesses.state(),
         }
     }
 
@@ -33,6 +63,8 @@ impl SurfelMap {
         {
             return Err(Error::corrupt("surfels", "lists refer to what is not there"));
         }
+        let columns = state.surfels.iter().map(|s| s.seen_by);
+        self.witnesses = Witnesses::with_state(state.witnesses, columns)?;
         self.surfels = state.surfels.into_owned();
         self.links = state.links.into_owned();
         self.free = state.free.into_owned();

@@ -25,7 +25,13 @@ pub struct KeyFramesState {
     pub block_trained: Vec<u32>,
     pub block_counts: Vec<u32>,
     pub block_ids: Vec<u32>,
+    /// The robot of each frame; [`NO_ROBOT`] for one that is not told apart. May be empty: then nobody
+    /// knows.
+    pub robots: Vec<u16>,
 }
+
+/// No robot that is told apart.
+pub const NO_ROBOT: u16 = u16::MAX;
 
 /// One stored key frame.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -57,6 +63,7 @@ impl KeyFrames {
                 lengths: [&frame.blocks, &frame.voxels].map(|cells| cells.len() as u32),
                 pixels: frame.pixels.len() as u32,
             });
+            state.robots.push(frame.robot.unwrap_or(NO_ROBOT));
             state.pixels.extend_from_slice(&frame.pixels);
             state.colors.extend_from_slice(&frame.colors);
             let has_colors = !frame.colors.is_empty();
@@ -82,7 +89,9 @@ impl KeyFrames {
             let gain = state.gains.get(i).copied().filter(|gain| gain[0] > 0.0);
             let painted = gain.map_or(0, |_| record.pixels as usize);
             let [blocks, voxels] = record.lengths.map(|length| length as usize);
+            let robot = state.robots.get(i).copied().filter(|robot| *robot != NO_ROBOT);
             let frame = KeyFrame {
+                robot,
                 origin: record.origin,
                 world_from_camera: record.world_from_camera,
                 camera: record.camera,

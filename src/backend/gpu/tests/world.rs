@@ -62,9 +62,10 @@ impl World {
         let frame = data.load(index, false).expect("a frame");
         self.frames += 1;
         let rows = self.topology.rows() as u32;
-        let change = self.surface.integrate(&frame, 0, self.frames, &mut self.topology, &self.pool);
+        let change =
+            self.surface.integrate(&frame, None, self.frames, &mut self.topology, &self.pool);
         let pixels = self.config.key_frame_pixels as usize;
-        let view = KeyFrame::new(&frame, pixels, self.config.r0_m, None);
+        let view = KeyFrame::new(&frame, None, pixels, self.config.r0_m, None);
         self.window.pop();
         self.window.truncate(4);
         self.window.insert(0, view.clone());
