@@ -173,3 +173,116 @@ impl Tally {
         told.join("; ")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::*;
+    use crate::config::{MapConfig, MapSettings};
+    use crate::dataset::Dataset;
+    use crate::dataset::synthetic::Synthetic;
+    use crate::engine::persist::recover;
+    use crate::storage::{Entry, Mark, SegmentWriter, save_marked};
+
+    fn config() -> MapConfig {
+        let settings = MapSettings { steps: Some(0), ..MapSettings::default() };
+        MapConfig::from_settings(&settings).expect("valid")
+    }
+
+    /// A folder with a map file that is empty and says `mark`, if it is there.
+    fn folder(mark: Option<Mark>) -> (tempfile::TempDir, PathBuf) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("map.orenx");
+        if let Some(mark) = mark {
+            save_marked(&Mapper::new(config()).expect("empty"), mark, &path).expect("saved");
+        }
+        (folder, path)
+    }
+
+    /// A segment of the positions, each frame in a chunk of its own; its file.
+    fn segment(map: &Path, journal: u64, positions: std::ops::Range<u64>) -> PathBuf {
+        let room = Synthetic::room(100).with_width(32);
+        let folder = journal_folder(folder_of(map));
+        let mut writer =
+            SegmentWriter::create(&folder, "m", journal, positions.start).expect("a segment");
+        for position in positions {
+            let frame = room.load(position as usize, false).expect("a frame");
+            writer.append([&Entry { position, epoch: 10 + position, frame }]).expect("written");
+        }
+        let path = writer.path().to_owned();
+        writer.finish();
+        path
+    }
+
+    fn recovered(path: &Path) -> (Mapper, Past) {
+        recover(path, config(), |_| Ok(())).expect("a map")
+    }
+
+    #[test]
+    fn what_the_file_has_is_not_mapped_twice() {
+        let (_folder, path) = folder(Some(Mark { journal: 7, position: 2 }));
+        segment(&path, 7, 1..4);
+        segment(&path, 7, 4..6);
+        let (mut mapper, past) = recovered(&path);
+        assert_eq!(mapper.stats().frames, 3);
+        assert_eq!((past.mark, past.is_anchored), (Mark { journal: 7, position: 5 }, true));
+        assert_eq!(past.recovery, "3 frames of the journal were mapped again");
+        assert_eq!(
+            past.segments.iter().map(|s| (s.last, s.frames)).collect::<Vec<_>>(),
+            [(3, 3), (5, 2)]
+        );
+        assert_eq!(mapper.publish().epoch(), 16, "after every epoch that was told");
+        // Mapped directly, the same frames give the same map.
+        let mut plain = Mapper::new(config()).expect("empty");
+        let room = Synthetic::room(100).with_width(32);
+        for index in 3..6 {
+            plain.integrate(&room.load(index, false).expect("a frame")).expect("taken");
+        }
+        assert_eq!(plain.stats().surfels, mapper.stats().surfels);
+    }
+
+    #[test]
+    fn without_a_file_the_journal_is_the_map_and_another_map_s_is_set_aside() {
+        let (_folder, path) = folder(None);
+        segment(&path, 7, 1..3);
+        let (mapper, past) = recovered(&path);
+        assert_eq!(
+            (mapper.stats().frames, past.mark, past.is_anchored),
+            (2, Mark { journal: 7, position: 2 }, true)
+        );
+
+        for mark in [Mark { journal: 8, position: 0 }, Mark::default()] {
+            let (_folder, path) = folder(Some(mark));
+            let file = segment(&path, 7, 1..3);
+            let (mapper, past) = recovered(&path);
+            assert_eq!((mapper.stats().frames, past.segments.len()), (0, 0));
+            assert!(past.recovery.contains("another map's journal"), "{}", past.recovery);
+            assert!(!file.exists(), "it is out of the way, and not gone");
+            let names = std::fs::read_dir(journal_folder(folder_of(&path))).expect("a folder");
+            assert_eq!(names.count(), 1);
+        }
+    }
+
+    #[test]
+    fn damage_ends_a_segment_and_not_the_next() {
+        let (_folder, path) = folder(Some(Mark { journal: 7, position: 0 }));
+        let file = segment(&path, 7, 1..4);
+        segment(&path, 7, 4..6);
+        let mut bytes = std::fs::read(&file).expect("read");
+        let at = bytes.len() / 2;
+        bytes[at] ^= 1;
+        std::fs::write(&file, &bytes).expect("written");
+        let (mapper, past) = recovered(&path);
+        let frames = mapper.stats().frames;
+        assert!((2..5).contains(&frames), "{frames}");
+        assert_eq!(past.mark.position, 5);
+        assert!(
+            past.recovery.contains(&format!("{} are missing", 5 - frames)),
+            "{}",
+            past.recovery
+        );
+        assert!(past.recovery.contains("what follows there is lost"), "{}", past.recovery);
+        assert!(past.segments.iter().all(|s| s.is_damaged == (s.path == file)), "{past:?}");
+    }
+}

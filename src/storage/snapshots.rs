@@ -182,19 +182,15 @@ impl Shelf {
         entries.map(name).collect::<Result<_>>().map(Some)
     }
 
-    /// A name that says when it was made, and that is not taken.
+    /// A name that says when it was made, after all those of the same moment.
     fn unused(&self, prefix: &str) -> Result<String> {
-        let now = stamp(SystemTime::now());
-        let candidates = (0..MAX_SNAPSHOTS).map(|count| match count {
-            0 => format!("{prefix}{now}"),
-            count => format!("{prefix}{now}-{count:03}"),
-        });
-        for name in candidates {
-            if !self.path(&name).exists() {
-                return Ok(name);
-            }
-        }
-        Err(Error::FailedPrecondition(format!("too many snapshots at {now}")))
+        let name = format!("{prefix}{}", stamp(SystemTime::now()));
+        let number = |taken: &String| match taken.strip_prefix(&name)? {
+            "" => Some(0),
+            rest => rest.strip_prefix('-')?.parse::<u32>().ok(),
+        };
+        let last = self.names()?.iter().filter_map(number).max();
+        Ok(last.map_or_else(|| name.clone(), |last| format!("{name}-{:03}", last + 1)))
     }
 }
 

@@ -25,7 +25,7 @@ const RAW: (&str, &str) = ("content-type", "application/octet-stream");
 pub(crate) struct Reply {
     pub(crate) status: u16,
     head: String,
-    body: Vec<u8>,
+    pub(crate) body: Vec<u8>,
 }
 
 impl Reply {

@@ -146,10 +146,11 @@ async fn a_reset_and_a_restored_snapshot_are_not_undone() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_journal_that_cannot_be_written_is_told_of_and_comes_back() {
     let folder = tempfile::tempdir().unwrap();
-    let journal = folder.path().join("default/journal");
+    let one = folder.path().join("one");
+    let journal = one.join("default/journal");
     std::fs::create_dir_all(journal.parent().unwrap()).unwrap();
     std::fs::write(&journal, b"in the way").unwrap();
-    let server = journaled(folder.path()).await;
+    let server = journaled(&one).await;
     let (frames, mut acks) = open_stream(&server.channel).await;
     frames.send(good_frame(0)).await.unwrap();
     let (statuses, message) = told(&mut acks).await;
@@ -168,7 +169,7 @@ async fn a_journal_that_cannot_be_written_is_told_of_and_comes_back() {
     frames.send(good_frame(60)).await.unwrap();
     told(&mut acks).await;
     until_saved(&server, 2).await;
-    let crashed = copied(folder.path(), folder.path().join("crashed"));
+    let crashed = copied(&one, folder.path().join("crashed"));
     let again = journaled(&crashed).await;
     assert_eq!(again.client.map_stats(DEFAULT_MAP).await.unwrap().stats.frames, 3);
     again.stop().await.1.unwrap();

@@ -96,6 +96,7 @@ impl<S: Send + Sync> FromRequestParts<S> for Named {
 ///
 /// Also of a map that could not be loaded. A server without a storage folder has none: 409.
 #[utoipa::path(get, path = "/v1/maps/{map}/snapshots", tag = "snapshots",
+    operation_id = "list_snapshots",
     params(openapi::MapPath),
     responses((status = 200, description = "The snapshots, by name.", body = SnapshotList),
         TransferRefusals))]
@@ -113,6 +114,7 @@ pub(super) async fn list(
 ///
 /// Frames go on while it is written. The body may be left out. 409 if there is one of this name.
 #[utoipa::path(post, path = "/v1/maps/{map}/snapshots", tag = "snapshots",
+    operation_id = "create_snapshot",
     params(openapi::MapPath), request_body = Option<NewSnapshot>,
     responses((status = 201, description = "It is on disk.", body = SnapshotMade), ChangeRefusals))]
 pub(super) async fn create(
@@ -131,6 +133,7 @@ pub(super) async fn create(
 
 /// The file of a snapshot
 #[utoipa::path(get, path = "/v1/maps/{map}/snapshots/{name}", tag = "snapshots",
+    operation_id = "download_snapshot",
     params(openapi::SnapshotPath),
     responses((status = 200, description = "The file, to be opened by any `orenx`.",
         body = Raw, content_type = "application/octet-stream"), TransferRefusals))]
@@ -168,6 +171,7 @@ async fn send(mut download: Download, out: mpsc::Sender<Result<bytes::Bytes, Err
 /// The body is a file as it was downloaded. It has its name once every byte is checked: 400 if it is
 /// no whole snapshot, 429 beyond `storage.max_snapshot_mib`, 409 if there is one of this name.
 #[utoipa::path(put, path = "/v1/maps/{map}/snapshots/{name}", tag = "snapshots",
+    operation_id = "upload_snapshot",
     params(openapi::SnapshotPath),
     request_body(content = Raw, content_type = "application/octet-stream"),
     responses((status = 201, description = "It is on disk.", body = SnapshotMade), ChangeRefusals))]
@@ -193,6 +197,7 @@ pub(super) async fn upload(
 
 /// Deletes a snapshot
 #[utoipa::path(delete, path = "/v1/maps/{map}/snapshots/{name}", tag = "snapshots",
+    operation_id = "delete_snapshot",
     params(openapi::SnapshotPath),
     responses((status = 200, description = "It is gone.", body = SnapshotDeleted),
         TransferRefusals))]
@@ -211,6 +216,7 @@ pub(super) async fn delete(
 /// dropped, and questions are answered from the old map meanwhile. It is on disk before this returns,
 /// so that a crash does not undo it. Where the map could not be loaded, its file is set aside.
 #[utoipa::path(post, path = "/v1/maps/{map}/snapshots/{name}/restore", tag = "snapshots",
+    operation_id = "restore_snapshot",
     params(openapi::SnapshotPath),
     responses((status = 200, description = "The map is that of the snapshot.", body = MapReset),
         TransferRefusals))]
