@@ -107,7 +107,8 @@ async fn administrators_see_the_settings_without_keys() {
         (r#"{"level":"info"}"#, 409, ""),
     ] {
         let length = body.len().to_string();
-        let headers = [ADMIN, ("content-type", "application/json"), ("content-length", &length)];
+        let headers =
+            [ADMIN, ("content-type", "application/json"), ("content-length", length.as_str())];
         let reply =
             exchange(&server.http, request("PUT", "/v1/log", &headers, body.as_bytes())).await;
         assert_eq!(reply.status, status, "{body}: {:?}", reply.error());
