@@ -26,6 +26,9 @@ pub struct StreamArgs {
     /// The server, as in http://127.0.0.1:7610, or the Zenoh router before it, as in
     /// zenoh+tcp://127.0.0.1:7447
     pub url: String,
+    /// The map that takes them
+    #[arg(long, default_value = DEFAULT_MAP)]
+    pub map: String,
     /// Send so many frames a second, and drop what the server does not take, as a live sensor
     /// does. Without it, every frame is sent as soon as the server takes it
     #[arg(long, value_name = "HZ", value_parser = parse_rate)]
@@ -60,7 +63,7 @@ impl StreamArgs {
         let indices = self.frames.indices(dataset.len(), self.stride)?;
         let bar = progress_bar(indices.len() as u64)?;
         let pace = Pace {
-            map_id: DEFAULT_MAP.into(),
+            map_id: self.map.clone(),
             policy: match self.rate {
                 Some(_) => QueuePolicy::Latest,
                 None => QueuePolicy::Block,
