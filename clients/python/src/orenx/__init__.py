@@ -27,7 +27,7 @@ from .geometry import Box, Intrinsics, look_at
 from .stream import FrameStream
 from .verbs import Answer
 from .verbs.language import Classes, Encoder, Encoders, Match, Matches, OrientedBox
-from .verbs.maps import FrameCounts, MapInfo, MapStats, MapSummary, Reset, Robot
+from .verbs.maps import FrameCounts, MapInfo, MapStats, MapSummary, Reset, Robot, Storage
 from .verbs.planner import Grid, Nearest, Place, Rays, Slice, Spheres, Verdict, Verdicts
 from .verbs.query import FREE, OCCUPIED, UNKNOWN, Points, Text
 from .verbs.render import Images
@@ -77,6 +77,7 @@ __all__ = [
     "Robot",
     "Slice",
     "Spheres",
+    "Storage",
     "StreamReport",
     "Text",
     "UnauthenticatedError",
