@@ -26,6 +26,7 @@ from .frames import Ack, Features, Frame, Labels
 from .geometry import Box, Intrinsics, look_at
 from .stream import FrameStream
 from .verbs import Answer
+from .verbs.edits import Edit, Mesh, SolidBox, Sphere
 from .verbs.language import Classes, Encoder, Encoders, Match, Matches, OrientedBox
 from .verbs.maps import FrameCounts, MapInfo, MapStats, MapSummary, Reset, Robot, Storage
 from .verbs.planner import Grid, Nearest, Place, Rays, Slice, Spheres, Verdict, Verdicts
@@ -45,6 +46,7 @@ __all__ = [
     "Classes",
     "Client",
     "DeadlineExceededError",
+    "Edit",
     "Encoder",
     "Encoders",
     "Error",
@@ -64,6 +66,7 @@ __all__ = [
     "MapSummary",
     "Match",
     "Matches",
+    "Mesh",
     "Nearest",
     "NotFoundError",
     "OrientedBox",
@@ -76,6 +79,8 @@ __all__ = [
     "ResourceExhaustedError",
     "Robot",
     "Slice",
+    "SolidBox",
+    "Sphere",
     "Spheres",
     "Storage",
     "StreamReport",

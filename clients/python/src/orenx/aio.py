@@ -28,7 +28,7 @@ from .geometry import Box
 from .over_zenoh import PATIENCE_S, ZenohSession
 from .signatures import without_map
 from .v1 import ingest_pb2
-from .verbs import Ask, Terms, admin, language, maps, planner, query, render, watch
+from .verbs import Ask, Terms, admin, edits, language, maps, planner, query, render, watch
 
 P = ParamSpec("P")
 A = TypeVar("A")
@@ -85,6 +85,8 @@ class Map:
     info = _Asked(maps.info)
     stats = _Asked(maps.stats)
     reset = _Asked(maps.reset)
+    clear = _Asked(edits.clear)
+    stamp = _Asked(edits.stamp)
 
     def watch_region(
         self,
