@@ -32,6 +32,7 @@ from .verbs.maps import FrameCounts, MapInfo, MapStats, MapSummary, Reset, Robot
 from .verbs.planner import Grid, Nearest, Place, Rays, Slice, Spheres, Verdict, Verdicts
 from .verbs.query import FREE, OCCUPIED, UNKNOWN, Points, Text
 from .verbs.render import Images
+from .verbs.snapshots import Snapshot
 from .verbs.watch import Brick, RegionUpdate
 
 __all__ = [
@@ -79,6 +80,7 @@ __all__ = [
     "ResourceExhaustedError",
     "Robot",
     "Slice",
+    "Snapshot",
     "SolidBox",
     "Sphere",
     "Spheres",
