@@ -131,7 +131,7 @@ class Map:
         Without timeout_s it takes what time it takes.
         """
         ask = snapshots.upload(self.map_id, name, timeout_s=timeout_s)
-        return await aio_files.upload(self._client._grpc(), self._client._access, ask, path)
+        return await self._client._upload(ask, path)
 
     def watch_region(
         self,
@@ -354,6 +354,12 @@ class Client:
         finally:
             started.cancel()
 
+    async def _upload(self, ask: Ask[A], path: Path) -> A:
+        self._grpc()
+        assert isinstance(self._address, Grpc)
+        channel = over_grpc.open_channel(self._address, self._access)
+        return await aio_files.upload(channel, self._access, ask, path)
+
     async def _open_stream(self, books: Books, on_ack: Callable[[Ack], None] | None) -> FrameStream:
         if self._session is not None:
             stream = FrameStream(books, PATIENCE_S, on_ack)
@@ -366,6 +372,9 @@ class Client:
 
 def _grpc_frames(channel: grpc.aio.Channel, access: Access, stream: FrameStream) -> None:
     async def messages() -> AsyncIterator[bytes]:
+        # The server answers a stream at once. Nothing is written to one that it refuses: where a write
+        # meets the end of its call, grpc.aio says "Internal error from Core", and not why it ended.
+        await call.initial_metadata()
         async for _, message in stream.outgoing():
             yield message
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import pathlib
-from collections.abc import AsyncIterator, Iterator
 from typing import Any, TypeVar
 
+import grpc
 import grpc.aio
 
-from . import over_grpc
+from . import files, over_grpc
 from .address import Access
-from .files import Incoming, Path, outgoing
+from .files import Incoming, Path
 from .verbs import Ask
 from .verbs.snapshots import Piece
 
@@ -35,18 +35,12 @@ async def download(
         return await asyncio.to_thread(file.finish)
 
 
-async def upload(channel: grpc.aio.Channel, access: Access, ask: Ask[A], path: Path) -> A:
-    """Sends a file."""
-    method: Any = channel.stream_unary(over_grpc.path(ask))
-    with await asyncio.to_thread(pathlib.Path(path).open, "rb") as file:
-        messages = _from_a_thread(outgoing(ask.request, file))
-        try:
-            reply = await method(messages, **over_grpc.options_of(access, ask.timeout_s))
-        except grpc.RpcError as error:
-            raise over_grpc.error_of_call(error) from None
-    return ask.read(reply)
+async def upload(channel: grpc.Channel, access: Access, ask: Ask[A], path: Path) -> A:
+    """Sends a file over a channel for threads, which it closes.
 
-
-async def _from_a_thread(messages: Iterator[bytes]) -> AsyncIterator[bytes]:
-    while (message := await asyncio.to_thread(next, messages, None)) is not None:
-        yield message
+    One of grpc.aio would not tell why a server ends an upload that is being written.
+    """
+    try:
+        return await asyncio.to_thread(files.upload, channel, access, ask, path)
+    finally:
+        channel.close()

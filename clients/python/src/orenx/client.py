@@ -275,12 +275,7 @@ class Client:
         self._channel: grpc.Channel | None = None
         self._session: ZenohSession | None = None
         if isinstance(address, Grpc):
-            secret = over_grpc.credentials(address, access)
-            self._channel = (
-                grpc.insecure_channel(address.target, options=over_grpc.OPTIONS)
-                if secret is None
-                else grpc.secure_channel(address.target, secret, options=over_grpc.OPTIONS)
-            )
+            self._channel = over_grpc.open_channel(address, access)
         else:
             self._session = ZenohSession(address, access)
 
