@@ -7,7 +7,7 @@ import asyncio
 import numpy as np
 import pytest
 import scene
-from servers import PATIENCE_S
+from servers import PATIENCE_S, start
 
 import orenx
 import orenx.aio
@@ -100,3 +100,15 @@ async def test_a_watch_is_had_over_either_transport(default):
 async def test_nobody_there_is_said_within_the_time_given():
     with pytest.raises(orenx.UnavailableError):
         await orenx.aio.connect("grpc://127.0.0.1:1", wait_s=0.3)
+
+
+async def test_a_server_that_goes_away_ends_the_stream():
+    server = start()
+    async with await orenx.aio.connect(server.grpc) as client:
+        stream = await client.map().open_stream("rover", policy="block")
+        await stream.send(FRAMES[0])
+        await asyncio.to_thread(server.stop)
+        with pytest.raises(orenx.UnavailableError):  # noqa: PT012 (any of them may tell)
+            for frame in FRAMES * 100:
+                await stream.send(frame, timeout_s=PATIENCE_S)
+        await stream.cancel()

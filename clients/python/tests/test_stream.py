@@ -11,7 +11,8 @@ from servers import PATIENCE_S, start
 
 import orenx
 from orenx.books import Books
-from orenx.frames import Ack
+from orenx.frames import Ack, read_ack
+from orenx.v1 import ingest_pb2
 
 FRAMES = scene.frames(12)
 
@@ -213,3 +214,26 @@ def test_a_sender_that_blocks_waits_for_room():
         stream.send(FRAMES[1], timeout_s=0.01)
     stream.cancel()
     assert taken.is_set()
+
+
+def test_books_count_durable_frames_and_wait_for_their_last_word():
+    books = Books("m", "r", "s", "block", buffer=2, window=2)
+
+    def hear(seq, status, message=""):
+        ack = ingest_pb2.FrameAck(robot_id="r", sensor_id="s", seq=seq, message=message)
+        ack.status = ingest_pb2.FrameStatus.Value(f"FRAME_STATUS_{status}")
+        return books.settle(read_ack(ack))
+
+    for _ in range(2):
+        books.add(b"")
+        books.take()
+    books.is_closed = True
+    assert hear(0, "ACCEPTED")
+    assert hear(0, "DURABLE")
+    assert not books.is_done()
+    assert hear(0, "INTEGRATED")
+    assert hear(1, "INTEGRATED", "not durable: the disk is full")
+    assert books.is_done()
+    report = books.report()
+    assert (report.integrated, report.durable) == (2, 1)
+    assert report.problems == ["not durable: the disk is full"]

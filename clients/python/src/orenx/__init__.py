@@ -26,11 +26,13 @@ from .frames import Ack, Features, Frame, Labels
 from .geometry import Box, Intrinsics, look_at
 from .stream import FrameStream
 from .verbs import Answer
+from .verbs.edits import Edit, Mesh, SolidBox, Sphere
 from .verbs.language import Classes, Encoder, Encoders, Match, Matches, OrientedBox
-from .verbs.maps import FrameCounts, MapInfo, MapStats, MapSummary, Reset, Robot
+from .verbs.maps import FrameCounts, MapInfo, MapStats, MapSummary, Reset, Robot, Storage
 from .verbs.planner import Grid, Nearest, Place, Rays, Slice, Spheres, Verdict, Verdicts
 from .verbs.query import FREE, OCCUPIED, UNKNOWN, Points, Text
 from .verbs.render import Images
+from .verbs.snapshots import Snapshot
 from .verbs.watch import Brick, RegionUpdate
 
 __all__ = [
@@ -45,6 +47,7 @@ __all__ = [
     "Classes",
     "Client",
     "DeadlineExceededError",
+    "Edit",
     "Encoder",
     "Encoders",
     "Error",
@@ -64,6 +67,7 @@ __all__ = [
     "MapSummary",
     "Match",
     "Matches",
+    "Mesh",
     "Nearest",
     "NotFoundError",
     "OrientedBox",
@@ -76,7 +80,11 @@ __all__ = [
     "ResourceExhaustedError",
     "Robot",
     "Slice",
+    "Snapshot",
+    "SolidBox",
+    "Sphere",
     "Spheres",
+    "Storage",
     "StreamReport",
     "Text",
     "UnauthenticatedError",

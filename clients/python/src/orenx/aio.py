@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import pathlib
 from collections import deque
-from collections.abc import AsyncIterable, AsyncIterator, Awaitable, Iterable, Mapping, Sequence
+from collections.abc import (
+    AsyncIterable,
+    AsyncIterator,
+    Awaitable,
+    Iterable,
+    Mapping,
+    Sequence,
+)
 from functools import update_wrapper
 from typing import (
     Any,
@@ -18,17 +26,30 @@ import grpc.aio
 from numpy.typing import ArrayLike
 from typing_extensions import Concatenate, ParamSpec, Unpack
 
-from . import over_grpc
+from . import aio_files, over_grpc
 from .address import Access, Grpc, Pem, read_url
 from .aio_stream import FrameStream
 from .books import Books, Policy, StreamReport
 from .errors import Error, UnavailableError
+from .files import Path
 from .frames import Ack, Frame
 from .geometry import Box
 from .over_zenoh import PATIENCE_S, ZenohSession
 from .signatures import without_map
 from .v1 import ingest_pb2
-from .verbs import Ask, Terms, admin, language, maps, planner, query, render, watch
+from .verbs import (
+    Ask,
+    Terms,
+    admin,
+    edits,
+    language,
+    maps,
+    planner,
+    query,
+    render,
+    snapshots,
+    watch,
+)
 
 P = ParamSpec("P")
 A = TypeVar("A")
@@ -85,6 +106,32 @@ class Map:
     info = _Asked(maps.info)
     stats = _Asked(maps.stats)
     reset = _Asked(maps.reset)
+    clear = _Asked(edits.clear)
+    stamp = _Asked(edits.stamp)
+    list_snapshots = _Asked(snapshots.list_snapshots)
+    create_snapshot = _Asked(snapshots.create_snapshot)
+    restore_snapshot = _Asked(snapshots.restore_snapshot)
+    delete_snapshot = _Asked(snapshots.delete_snapshot)
+
+    async def download_snapshot(
+        self, name: str, path: Path, *, timeout_s: float | None = None
+    ) -> pathlib.Path:
+        """Fetches a snapshot into a file, which has its name once it is whole.
+
+        A file that is there is replaced. Without timeout_s it takes what time it takes.
+        """
+        ask = snapshots.download(self.map_id, name, timeout_s=timeout_s)
+        return await aio_files.download(self._client._grpc(), self._client._access, ask, path)
+
+    async def upload_snapshot(
+        self, name: str, path: Path, *, timeout_s: float | None = None
+    ) -> snapshots.Snapshot:
+        """Sends a file, to be a snapshot of this name; the server checks every byte of it first.
+
+        Without timeout_s it takes what time it takes.
+        """
+        ask = snapshots.upload(self.map_id, name, timeout_s=timeout_s)
+        return await self._client._upload(ask, path)
 
     def watch_region(
         self,
@@ -307,6 +354,12 @@ class Client:
         finally:
             started.cancel()
 
+    async def _upload(self, ask: Ask[A], path: Path) -> A:
+        self._grpc()
+        assert isinstance(self._address, Grpc)
+        channel = over_grpc.open_channel(self._address, self._access)
+        return await aio_files.upload(channel, self._access, ask, path)
+
     async def _open_stream(self, books: Books, on_ack: Callable[[Ack], None] | None) -> FrameStream:
         if self._session is not None:
             stream = FrameStream(books, PATIENCE_S, on_ack)
@@ -319,6 +372,9 @@ class Client:
 
 def _grpc_frames(channel: grpc.aio.Channel, access: Access, stream: FrameStream) -> None:
     async def messages() -> AsyncIterator[bytes]:
+        # The server answers a stream at once. Nothing is written to one that it refuses: where a write
+        # meets the end of its call, grpc.aio says "Internal error from Core", and not why it ended.
+        await call.initial_metadata()
         async for _, message in stream.outgoing():
             yield message
 

@@ -30,6 +30,8 @@ class StreamReport:
 
     frames: int = 0
     integrated: int = 0
+    # Frames that a crash of the server does not lose; 0 where it keeps no journal.
+    durable: int = 0
     # By reason; "replaced_here" gave way before it was sent.
     dropped: dict[str, int] = field(default_factory=dict)
     rejected: dict[str, int] = field(default_factory=dict)
@@ -40,7 +42,7 @@ class StreamReport:
     seconds: float = 0.0
     # Median and 95th percentile of the time from sending a frame to the ack that it is in the map, ms.
     visible_after_ms: tuple[float, float] = (float("nan"), float("nan"))
-    # Why frames were rejected, in words, each once; at most eight.
+    # Why frames were rejected, or are in the map and not durable; in words, each once; at most eight.
     problems: list[str] = field(default_factory=list)
 
     @property
@@ -143,6 +145,8 @@ class Books:
         self._capacity = ack.queue_capacity or self._capacity
         if ack.seq not in self.under_way:
             return False
+        if ack.status == "durable":
+            self._counts["durable"] += 1
         if ack.is_final:
             sent = self.under_way.pop(ack.seq)
             self._ended = time.monotonic()
@@ -171,12 +175,16 @@ class Books:
         self._counts[ack.status] += 1
         if ack.status == "integrated":
             self._epoch = max(self._epoch, ack.epoch)
+            self._note(ack.message)
         elif ack.status == "dropped":
             self._dropped[ack.reason] += 1
         elif ack.status == "rejected":
             self._rejected[ack.reason] += 1
-            if len(self._problems) < _PROBLEMS:
-                self._problems[ack.message] = None
+            self._note(ack.message)
+
+    def _note(self, problem: str) -> None:
+        if problem and len(self._problems) < _PROBLEMS:
+            self._problems[problem] = None
 
     def report(self) -> StreamReport:
         """What became of the frames so far."""
@@ -188,6 +196,7 @@ class Books:
         return StreamReport(
             frames=self._next,
             integrated=self._counts["integrated"],
+            durable=self._counts["durable"],
             dropped=dict(self._dropped),
             rejected=dict(self._rejected),
             lost=self._counts["lost"],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pathlib
 import threading
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -18,17 +19,30 @@ import grpc
 from numpy.typing import ArrayLike
 from typing_extensions import Concatenate, ParamSpec, Unpack
 
-from . import over_grpc
+from . import files, over_grpc
 from .address import Access, Grpc, Pem, read_url
 from .books import Books, Policy, StreamReport
 from .errors import Error, UnavailableError
+from .files import Path
 from .frames import Ack, Frame
 from .geometry import Box
 from .over_zenoh import PATIENCE_S, ZenohSession
 from .signatures import without_map
 from .stream import FrameStream
 from .v1 import ingest_pb2
-from .verbs import Ask, Terms, admin, language, maps, planner, query, render, watch
+from .verbs import (
+    Ask,
+    Terms,
+    admin,
+    edits,
+    language,
+    maps,
+    planner,
+    query,
+    render,
+    snapshots,
+    watch,
+)
 
 P = ParamSpec("P")
 A = TypeVar("A")
@@ -85,6 +99,32 @@ class Map:
     info = _Asked(maps.info)
     stats = _Asked(maps.stats)
     reset = _Asked(maps.reset)
+    clear = _Asked(edits.clear)
+    stamp = _Asked(edits.stamp)
+    list_snapshots = _Asked(snapshots.list_snapshots)
+    create_snapshot = _Asked(snapshots.create_snapshot)
+    restore_snapshot = _Asked(snapshots.restore_snapshot)
+    delete_snapshot = _Asked(snapshots.delete_snapshot)
+
+    def download_snapshot(
+        self, name: str, path: Path, *, timeout_s: float | None = None
+    ) -> pathlib.Path:
+        """Fetches a snapshot into a file, which has its name once it is whole.
+
+        A file that is there is replaced. Without timeout_s it takes what time it takes.
+        """
+        ask = snapshots.download(self.map_id, name, timeout_s=timeout_s)
+        return files.download(self._client._grpc(), self._client._access, ask, path)
+
+    def upload_snapshot(
+        self, name: str, path: Path, *, timeout_s: float | None = None
+    ) -> snapshots.Snapshot:
+        """Sends a file, to be a snapshot of this name; the server checks every byte of it first.
+
+        Without timeout_s it takes what time it takes.
+        """
+        ask = snapshots.upload(self.map_id, name, timeout_s=timeout_s)
+        return files.upload(self._client._grpc(), self._client._access, ask, path)
 
     def watch_region(
         self,
@@ -235,12 +275,7 @@ class Client:
         self._channel: grpc.Channel | None = None
         self._session: ZenohSession | None = None
         if isinstance(address, Grpc):
-            secret = over_grpc.credentials(address, access)
-            self._channel = (
-                grpc.insecure_channel(address.target, options=over_grpc.OPTIONS)
-                if secret is None
-                else grpc.secure_channel(address.target, secret, options=over_grpc.OPTIONS)
-            )
+            self._channel = over_grpc.open_channel(address, access)
         else:
             self._session = ZenohSession(address, access)
 

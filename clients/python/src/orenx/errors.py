@@ -24,7 +24,7 @@ class InvalidArgumentError(Error, ValueError):
 
 
 class NotFoundError(Error, LookupError):
-    """There is no such map."""
+    """There is no such map, snapshot or robot."""
 
     code = "NOT_FOUND"
 

@@ -181,11 +181,14 @@ class Ack:
     sensor_id: str
     # The stream's own count, from 0.
     seq: int
-    # "accepted", and then one of "integrated", "dropped", "rejected"; "lost": nothing was heard of it.
+    # "accepted", where there is a journal "durable" (on the disk, a crash does not lose it), and then one
+    # of "integrated", "dropped", "rejected"; "lost": nothing was heard of it.
     status: str
     # Why it was dropped or rejected, as in "replaced", "pose_not_rigid".
     reason: str
     field: str
+    # The same in words. Of an integrated frame: why it is not durable, where there is a journal and no
+    # "durable" came before.
     message: str
     # Of an integrated frame the first epoch that holds it.
     epoch: int
@@ -199,7 +202,7 @@ class Ack:
     @property
     def is_final(self) -> bool:
         """Nothing more will be said of this frame."""
-        return self.status != "accepted"
+        return self.status not in ("accepted", "durable")
 
 
 def read_ack(ack: wire.FrameAck) -> Ack:

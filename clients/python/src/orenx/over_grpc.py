@@ -7,8 +7,11 @@ from typing import Any
 import grpc
 
 from .address import ENVELOPE_BYTES, MAX_MESSAGE_BYTES, Access, Grpc
-from .errors import Error, InvalidArgumentError, error_of
+from .errors import Error, InvalidArgumentError, UnavailableError, error_of
 from .verbs import Ask
+
+# What grpc.aio says where a write meets the end of its call; what the server said is lost then.
+_WRITTEN_TOO_LATE = "Internal error from Core"
 
 STREAM_FRAMES = "/orenx.v1.Ingest/StreamFrames"
 
@@ -33,6 +36,14 @@ def credentials(address: Grpc, access: Access) -> grpc.ChannelCredentials | None
     return grpc.ssl_channel_credentials(**access.pem())
 
 
+def open_channel(address: Grpc, access: Access) -> grpc.Channel:
+    """A channel for threads; it connects with its first call."""
+    secret = credentials(address, access)
+    if secret is None:
+        return grpc.insecure_channel(address.target, options=OPTIONS)
+    return grpc.secure_channel(address.target, secret, options=OPTIONS)
+
+
 def path(ask: Ask[Any]) -> str:
     """The path of a method."""
     return f"/orenx.v1.{ask.method}"
@@ -41,6 +52,8 @@ def path(ask: Ask[Any]) -> str:
 def error_of_call(error: Any) -> Error:
     """The exception of a call that failed, of either kind of channel."""
     code = error.code()
+    if error.details() == _WRITTEN_TOO_LATE:
+        return UnavailableError("the server ended the stream while it was being written")
     return error_of(code.name if code is not None else "UNKNOWN", error.details() or str(code))
 
 

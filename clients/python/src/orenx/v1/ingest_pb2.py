@@ -25,41 +25,41 @@ _sym_db = _symbol_database.Default()
 from orenx.v1 import geometry_pb2 as orenx_dot_v1_dot_geometry__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x15orenx/v1/ingest.proto\x12\x08orenx.v1\x1a\x17orenx/v1/geometry.proto\"\x86\x03\n\x05\x46rame\x12\x0e\n\x06map_id\x18\x01 \x01(\t\x12\x10\n\x08robot_id\x18\x02 \x01(\t\x12\x11\n\tsensor_id\x18\x03 \x01(\t\x12\x0b\n\x03seq\x18\x04 \x01(\x04\x12\x10\n\x08stamp_ns\x18\x05 \x01(\x03\x12)\n\x11world_from_camera\x18\x06 \x01(\x0b\x32\x0e.orenx.v1.Pose\x12(\n\nintrinsics\x18\x07 \x01(\x0b\x32\x14.orenx.v1.Intrinsics\x12#\n\x05\x64\x65pth\x18\x08 \x01(\x0b\x32\x14.orenx.v1.DepthImage\x12#\n\x05\x63olor\x18\t \x01(\x0b\x32\x14.orenx.v1.ColorImage\x12+\n\x0cqueue_policy\x18\n \x01(\x0e\x32\x15.orenx.v1.QueuePolicy\x12*\n\x08\x66\x65\x61tures\x18\x0b \x01(\x0b\x32\x16.orenx.v1.FeatureImageH\x00\x12&\n\x06labels\x18\x0c \x01(\x0b\x32\x14.orenx.v1.LabelImageH\x00\x42\t\n\x07meaning\"^\n\nDepthImage\x12)\n\x08\x65ncoding\x18\x01 \x01(\x0e\x32\x17.orenx.v1.DepthEncoding\x12\x17\n\x0funits_per_metre\x18\x02 \x01(\x02\x12\x0c\n\x04\x64\x61ta\x18\x03 \x01(\x0c\"E\n\nColorImage\x12)\n\x08\x65ncoding\x18\x01 \x01(\x0e\x32\x17.orenx.v1.ColorEncoding\x12\x0c\n\x04\x64\x61ta\x18\x02 \x01(\x0c\"\x9e\x01\n\x0c\x46\x65\x61tureImage\x12\x12\n\nencoder_id\x18\x01 \x01(\t\x12\x0e\n\x06height\x18\x02 \x01(\r\x12\r\n\x05width\x18\x03 \x01(\r\x12\x11\n\tdimension\x18\x04 \x01(\r\x12+\n\x08\x65ncoding\x18\x05 \x01(\x0e\x32\x19.orenx.v1.FeatureEncoding\x12\x0c\n\x04\x64\x61ta\x18\x06 \x01(\x0c\x12\r\n\x05index\x18\x07 \x01(\x0c\"\x8b\x01\n\nLabelImage\x12)\n\x08\x65ncoding\x18\x01 \x01(\x0e\x32\x17.orenx.v1.LabelEncoding\x12\x0c\n\x04\x64\x61ta\x18\x02 \x01(\x0c\x12%\n\x07\x63lasses\x18\x03 \x03(\x0b\x32\x14.orenx.v1.LabelClass\x12\r\n\x05width\x18\x04 \x01(\r\x12\x0e\n\x06height\x18\x05 \x01(\r\"&\n\nLabelClass\x12\n\n\x02id\x18\x01 \x01(\r\x12\x0c\n\x04name\x18\x02 \x01(\t\"\xa2\x02\n\x08\x46rameAck\x12\x10\n\x08robot_id\x18\x01 \x01(\t\x12\x11\n\tsensor_id\x18\x02 \x01(\t\x12\x0b\n\x03seq\x18\x03 \x01(\x04\x12%\n\x06status\x18\x04 \x01(\x0e\x32\x15.orenx.v1.FrameStatus\x12%\n\x06reason\x18\x05 \x01(\x0e\x32\x15.orenx.v1.FrameReason\x12\r\n\x05\x66ield\x18\x06 \x01(\t\x12\x0f\n\x07message\x18\x07 \x01(\t\x12\r\n\x05\x65poch\x18\x08 \x01(\x04\x12\x17\n\x0fnewest_stamp_ns\x18\t \x01(\x03\x12\x11\n\tserver_us\x18\n \x01(\x04\x12\x13\n\x0bqueue_depth\x18\x0b \x01(\r\x12\x16\n\x0equeue_capacity\x18\x0c \x01(\r\x12\x0e\n\x06\x63redit\x18\r \x01(\r*>\n\x0bQueuePolicy\x12\x17\n\x13QUEUE_POLICY_LATEST\x10\x00\x12\x16\n\x12QUEUE_POLICY_BLOCK\x10\x01*\x80\x01\n\rDepthEncoding\x12\x1e\n\x1a\x44\x45PTH_ENCODING_UNSPECIFIED\x10\x00\x12\x16\n\x12\x44\x45PTH_ENCODING_U16\x10\x01\x12\x1d\n\x19\x44\x45PTH_ENCODING_F32_METRES\x10\x02\x12\x18\n\x14\x44\x45PTH_ENCODING_PNG16\x10\x03*y\n\rColorEncoding\x12\x1e\n\x1a\x43OLOR_ENCODING_UNSPECIFIED\x10\x00\x12\x17\n\x13\x43OLOR_ENCODING_RGB8\x10\x01\x12\x17\n\x13\x43OLOR_ENCODING_JPEG\x10\x02\x12\x16\n\x12\x43OLOR_ENCODING_PNG\x10\x03*g\n\x0f\x46\x65\x61tureEncoding\x12 \n\x1c\x46\x45\x41TURE_ENCODING_UNSPECIFIED\x10\x00\x12\x18\n\x14\x46\x45\x41TURE_ENCODING_F16\x10\x01\x12\x18\n\x14\x46\x45\x41TURE_ENCODING_F32\x10\x02*v\n\rLabelEncoding\x12\x1e\n\x1aLABEL_ENCODING_UNSPECIFIED\x10\x00\x12\x15\n\x11LABEL_ENCODING_U8\x10\x01\x12\x16\n\x12LABEL_ENCODING_U16\x10\x02\x12\x16\n\x12LABEL_ENCODING_PNG\x10\x03*\x98\x01\n\x0b\x46rameStatus\x12\x1c\n\x18\x46RAME_STATUS_UNSPECIFIED\x10\x00\x12\x19\n\x15\x46RAME_STATUS_ACCEPTED\x10\x01\x12\x1b\n\x17\x46RAME_STATUS_INTEGRATED\x10\x02\x12\x18\n\x14\x46RAME_STATUS_DROPPED\x10\x03\x12\x19\n\x15\x46RAME_STATUS_REJECTED\x10\x04*\xfa\x03\n\x0b\x46rameReason\x12\x1c\n\x18\x46RAME_REASON_UNSPECIFIED\x10\x00\x12\x19\n\x15\x46RAME_REASON_REPLACED\x10\x01\x12\x19\n\x15\x46RAME_REASON_STOPPING\x10\x02\x12\x1e\n\x1a\x46RAME_REASON_INVALID_FIELD\x10\x03\x12\x1c\n\x18\x46RAME_REASON_UNKNOWN_MAP\x10\x04\x12\x1a\n\x16\x46RAME_REASON_EXHAUSTED\x10\x05\x12\x19\n\x15\x46RAME_REASON_INTERNAL\x10\x06\x12\x1a\n\x16\x46RAME_REASON_ABANDONED\x10\x07\x12\x16\n\x12\x46RAME_REASON_RESET\x10\x08\x12 \n\x1c\x46RAME_REASON_POSE_NOT_FINITE\x10\t\x12\x1f\n\x1b\x46RAME_REASON_POSE_NOT_RIGID\x10\n\x12\x1e\n\x1a\x46RAME_REASON_SIZE_MISMATCH\x10\x0b\x12\x1b\n\x17\x46RAME_REASON_DEPTH_UNIT\x10\x0c\x12\x1b\n\x17\x46RAME_REASON_INTRINSICS\x10\r\x12\x18\n\x14\x46RAME_REASON_TOO_OLD\x10\x0e\x12\x1d\n\x19\x46RAME_REASON_OUT_OF_ORDER\x10\x0f\x12\x18\n\x14\x46RAME_REASON_ENCODER\x10\x10\x32\x41\n\x06Ingest\x12\x37\n\x0cStreamFrames\x12\x0f.orenx.v1.Frame\x1a\x12.orenx.v1.FrameAck(\x01\x30\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x15orenx/v1/ingest.proto\x12\x08orenx.v1\x1a\x17orenx/v1/geometry.proto\"\x8e\x03\n\x05\x46rame\x12\x0e\n\x06map_id\x18\x01 \x01(\t\x12\x10\n\x08robot_id\x18\x02 \x01(\t\x12\x11\n\tsensor_id\x18\x03 \x01(\t\x12\x0b\n\x03seq\x18\x04 \x01(\x04\x12\x10\n\x08stamp_ns\x18\x05 \x01(\x03\x12)\n\x11world_from_camera\x18\x06 \x01(\x0b\x32\x0e.orenx.v1.Pose\x12(\n\nintrinsics\x18\x07 \x01(\x0b\x32\x14.orenx.v1.Intrinsics\x12#\n\x05\x64\x65pth\x18\x08 \x01(\x0b\x32\x14.orenx.v1.DepthImage\x12#\n\x05\x63olor\x18\t \x01(\x0b\x32\x14.orenx.v1.ColorImage\x12+\n\x0cqueue_policy\x18\n \x01(\x0e\x32\x15.orenx.v1.QueuePolicy\x12*\n\x08\x66\x65\x61tures\x18\x0b \x01(\x0b\x32\x16.orenx.v1.FeatureImageH\x00\x12&\n\x06labels\x18\x0c \x01(\x0b\x32\x14.orenx.v1.LabelImageH\x00\x42\t\n\x07meaningJ\x06\x08\xe9\x07\x10\xf8\x07\"^\n\nDepthImage\x12)\n\x08\x65ncoding\x18\x01 \x01(\x0e\x32\x17.orenx.v1.DepthEncoding\x12\x17\n\x0funits_per_metre\x18\x02 \x01(\x02\x12\x0c\n\x04\x64\x61ta\x18\x03 \x01(\x0c\"M\n\nColorImage\x12)\n\x08\x65ncoding\x18\x01 \x01(\x0e\x32\x17.orenx.v1.ColorEncoding\x12\x0c\n\x04\x64\x61ta\x18\x02 \x01(\x0cJ\x06\x08\xe9\x07\x10\xf8\x07\"\x9e\x01\n\x0c\x46\x65\x61tureImage\x12\x12\n\nencoder_id\x18\x01 \x01(\t\x12\x0e\n\x06height\x18\x02 \x01(\r\x12\r\n\x05width\x18\x03 \x01(\r\x12\x11\n\tdimension\x18\x04 \x01(\r\x12+\n\x08\x65ncoding\x18\x05 \x01(\x0e\x32\x19.orenx.v1.FeatureEncoding\x12\x0c\n\x04\x64\x61ta\x18\x06 \x01(\x0c\x12\r\n\x05index\x18\x07 \x01(\x0c\"\x8b\x01\n\nLabelImage\x12)\n\x08\x65ncoding\x18\x01 \x01(\x0e\x32\x17.orenx.v1.LabelEncoding\x12\x0c\n\x04\x64\x61ta\x18\x02 \x01(\x0c\x12%\n\x07\x63lasses\x18\x03 \x03(\x0b\x32\x14.orenx.v1.LabelClass\x12\r\n\x05width\x18\x04 \x01(\r\x12\x0e\n\x06height\x18\x05 \x01(\r\"&\n\nLabelClass\x12\n\n\x02id\x18\x01 \x01(\r\x12\x0c\n\x04name\x18\x02 \x01(\t\"\xa2\x02\n\x08\x46rameAck\x12\x10\n\x08robot_id\x18\x01 \x01(\t\x12\x11\n\tsensor_id\x18\x02 \x01(\t\x12\x0b\n\x03seq\x18\x03 \x01(\x04\x12%\n\x06status\x18\x04 \x01(\x0e\x32\x15.orenx.v1.FrameStatus\x12%\n\x06reason\x18\x05 \x01(\x0e\x32\x15.orenx.v1.FrameReason\x12\r\n\x05\x66ield\x18\x06 \x01(\t\x12\x0f\n\x07message\x18\x07 \x01(\t\x12\r\n\x05\x65poch\x18\x08 \x01(\x04\x12\x17\n\x0fnewest_stamp_ns\x18\t \x01(\x03\x12\x11\n\tserver_us\x18\n \x01(\x04\x12\x13\n\x0bqueue_depth\x18\x0b \x01(\r\x12\x16\n\x0equeue_capacity\x18\x0c \x01(\r\x12\x0e\n\x06\x63redit\x18\r \x01(\r*>\n\x0bQueuePolicy\x12\x17\n\x13QUEUE_POLICY_LATEST\x10\x00\x12\x16\n\x12QUEUE_POLICY_BLOCK\x10\x01*\x80\x01\n\rDepthEncoding\x12\x1e\n\x1a\x44\x45PTH_ENCODING_UNSPECIFIED\x10\x00\x12\x16\n\x12\x44\x45PTH_ENCODING_U16\x10\x01\x12\x1d\n\x19\x44\x45PTH_ENCODING_F32_METRES\x10\x02\x12\x18\n\x14\x44\x45PTH_ENCODING_PNG16\x10\x03*y\n\rColorEncoding\x12\x1e\n\x1a\x43OLOR_ENCODING_UNSPECIFIED\x10\x00\x12\x17\n\x13\x43OLOR_ENCODING_RGB8\x10\x01\x12\x17\n\x13\x43OLOR_ENCODING_JPEG\x10\x02\x12\x16\n\x12\x43OLOR_ENCODING_PNG\x10\x03*g\n\x0f\x46\x65\x61tureEncoding\x12 \n\x1c\x46\x45\x41TURE_ENCODING_UNSPECIFIED\x10\x00\x12\x18\n\x14\x46\x45\x41TURE_ENCODING_F16\x10\x01\x12\x18\n\x14\x46\x45\x41TURE_ENCODING_F32\x10\x02*v\n\rLabelEncoding\x12\x1e\n\x1aLABEL_ENCODING_UNSPECIFIED\x10\x00\x12\x15\n\x11LABEL_ENCODING_U8\x10\x01\x12\x16\n\x12LABEL_ENCODING_U16\x10\x02\x12\x16\n\x12LABEL_ENCODING_PNG\x10\x03*\xb2\x01\n\x0b\x46rameStatus\x12\x1c\n\x18\x46RAME_STATUS_UNSPECIFIED\x10\x00\x12\x19\n\x15\x46RAME_STATUS_ACCEPTED\x10\x01\x12\x1b\n\x17\x46RAME_STATUS_INTEGRATED\x10\x02\x12\x18\n\x14\x46RAME_STATUS_DROPPED\x10\x03\x12\x19\n\x15\x46RAME_STATUS_REJECTED\x10\x04\x12\x18\n\x14\x46RAME_STATUS_DURABLE\x10\x05*\xfa\x03\n\x0b\x46rameReason\x12\x1c\n\x18\x46RAME_REASON_UNSPECIFIED\x10\x00\x12\x19\n\x15\x46RAME_REASON_REPLACED\x10\x01\x12\x19\n\x15\x46RAME_REASON_STOPPING\x10\x02\x12\x1e\n\x1a\x46RAME_REASON_INVALID_FIELD\x10\x03\x12\x1c\n\x18\x46RAME_REASON_UNKNOWN_MAP\x10\x04\x12\x1a\n\x16\x46RAME_REASON_EXHAUSTED\x10\x05\x12\x19\n\x15\x46RAME_REASON_INTERNAL\x10\x06\x12\x1a\n\x16\x46RAME_REASON_ABANDONED\x10\x07\x12\x16\n\x12\x46RAME_REASON_RESET\x10\x08\x12 \n\x1c\x46RAME_REASON_POSE_NOT_FINITE\x10\t\x12\x1f\n\x1b\x46RAME_REASON_POSE_NOT_RIGID\x10\n\x12\x1e\n\x1a\x46RAME_REASON_SIZE_MISMATCH\x10\x0b\x12\x1b\n\x17\x46RAME_REASON_DEPTH_UNIT\x10\x0c\x12\x1b\n\x17\x46RAME_REASON_INTRINSICS\x10\r\x12\x18\n\x14\x46RAME_REASON_TOO_OLD\x10\x0e\x12\x1d\n\x19\x46RAME_REASON_OUT_OF_ORDER\x10\x0f\x12\x18\n\x14\x46RAME_REASON_ENCODER\x10\x10\x32\x41\n\x06Ingest\x12\x37\n\x0cStreamFrames\x12\x0f.orenx.v1.Frame\x1a\x12.orenx.v1.FrameAck(\x01\x30\x01\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'orenx.v1.ingest_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_QUEUEPOLICY']._serialized_start=1256
-  _globals['_QUEUEPOLICY']._serialized_end=1318
-  _globals['_DEPTHENCODING']._serialized_start=1321
-  _globals['_DEPTHENCODING']._serialized_end=1449
-  _globals['_COLORENCODING']._serialized_start=1451
-  _globals['_COLORENCODING']._serialized_end=1572
-  _globals['_FEATUREENCODING']._serialized_start=1574
-  _globals['_FEATUREENCODING']._serialized_end=1677
-  _globals['_LABELENCODING']._serialized_start=1679
-  _globals['_LABELENCODING']._serialized_end=1797
-  _globals['_FRAMESTATUS']._serialized_start=1800
-  _globals['_FRAMESTATUS']._serialized_end=1952
-  _globals['_FRAMEREASON']._serialized_start=1955
-  _globals['_FRAMEREASON']._serialized_end=2461
+  _globals['_QUEUEPOLICY']._serialized_start=1272
+  _globals['_QUEUEPOLICY']._serialized_end=1334
+  _globals['_DEPTHENCODING']._serialized_start=1337
+  _globals['_DEPTHENCODING']._serialized_end=1465
+  _globals['_COLORENCODING']._serialized_start=1467
+  _globals['_COLORENCODING']._serialized_end=1588
+  _globals['_FEATUREENCODING']._serialized_start=1590
+  _globals['_FEATUREENCODING']._serialized_end=1693
+  _globals['_LABELENCODING']._serialized_start=1695
+  _globals['_LABELENCODING']._serialized_end=1813
+  _globals['_FRAMESTATUS']._serialized_start=1816
+  _globals['_FRAMESTATUS']._serialized_end=1994
+  _globals['_FRAMEREASON']._serialized_start=1997
+  _globals['_FRAMEREASON']._serialized_end=2503
   _globals['_FRAME']._serialized_start=61
-  _globals['_FRAME']._serialized_end=451
-  _globals['_DEPTHIMAGE']._serialized_start=453
-  _globals['_DEPTHIMAGE']._serialized_end=547
-  _globals['_COLORIMAGE']._serialized_start=549
-  _globals['_COLORIMAGE']._serialized_end=618
-  _globals['_FEATUREIMAGE']._serialized_start=621
-  _globals['_FEATUREIMAGE']._serialized_end=779
-  _globals['_LABELIMAGE']._serialized_start=782
-  _globals['_LABELIMAGE']._serialized_end=921
-  _globals['_LABELCLASS']._serialized_start=923
-  _globals['_LABELCLASS']._serialized_end=961
-  _globals['_FRAMEACK']._serialized_start=964
-  _globals['_FRAMEACK']._serialized_end=1254
-  _globals['_INGEST']._serialized_start=2463
-  _globals['_INGEST']._serialized_end=2528
+  _globals['_FRAME']._serialized_end=459
+  _globals['_DEPTHIMAGE']._serialized_start=461
+  _globals['_DEPTHIMAGE']._serialized_end=555
+  _globals['_COLORIMAGE']._serialized_start=557
+  _globals['_COLORIMAGE']._serialized_end=634
+  _globals['_FEATUREIMAGE']._serialized_start=637
+  _globals['_FEATUREIMAGE']._serialized_end=795
+  _globals['_LABELIMAGE']._serialized_start=798
+  _globals['_LABELIMAGE']._serialized_end=937
+  _globals['_LABELCLASS']._serialized_start=939
+  _globals['_LABELCLASS']._serialized_end=977
+  _globals['_FRAMEACK']._serialized_start=980
+  _globals['_FRAMEACK']._serialized_end=1270
+  _globals['_INGEST']._serialized_start=2505
+  _globals['_INGEST']._serialized_end=2570
 # @@protoc_insertion_point(module_scope)

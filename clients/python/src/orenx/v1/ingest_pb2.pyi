@@ -47,6 +47,7 @@ class FrameStatus(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     FRAME_STATUS_INTEGRATED: _ClassVar[FrameStatus]
     FRAME_STATUS_DROPPED: _ClassVar[FrameStatus]
     FRAME_STATUS_REJECTED: _ClassVar[FrameStatus]
+    FRAME_STATUS_DURABLE: _ClassVar[FrameStatus]
 
 class FrameReason(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
     __slots__ = ()
@@ -89,6 +90,7 @@ FRAME_STATUS_ACCEPTED: FrameStatus
 FRAME_STATUS_INTEGRATED: FrameStatus
 FRAME_STATUS_DROPPED: FrameStatus
 FRAME_STATUS_REJECTED: FrameStatus
+FRAME_STATUS_DURABLE: FrameStatus
 FRAME_REASON_UNSPECIFIED: FrameReason
 FRAME_REASON_REPLACED: FrameReason
 FRAME_REASON_STOPPING: FrameReason

@@ -1,11 +1,105 @@
 from orenx.v1 import geometry_pb2 as _geometry_pb2
 from google.protobuf.internal import containers as _containers
+from google.protobuf.internal import enum_type_wrapper as _enum_type_wrapper
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
 from collections.abc import Iterable as _Iterable, Mapping as _Mapping
 from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
+
+class StampMode(int, metaclass=_enum_type_wrapper.EnumTypeWrapper):
+    __slots__ = ()
+    STAMP_MODE_UNSPECIFIED: _ClassVar[StampMode]
+    STAMP_MODE_ADD: _ClassVar[StampMode]
+    STAMP_MODE_FREE: _ClassVar[StampMode]
+STAMP_MODE_UNSPECIFIED: StampMode
+STAMP_MODE_ADD: StampMode
+STAMP_MODE_FREE: StampMode
+
+class ClearRegionRequest(_message.Message):
+    __slots__ = ("map_id", "box", "sphere", "robot_id", "older_than_ns")
+    MAP_ID_FIELD_NUMBER: _ClassVar[int]
+    BOX_FIELD_NUMBER: _ClassVar[int]
+    SPHERE_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
+    OLDER_THAN_NS_FIELD_NUMBER: _ClassVar[int]
+    map_id: str
+    box: _geometry_pb2.Aabb
+    sphere: Sphere
+    robot_id: str
+    older_than_ns: int
+    def __init__(self, map_id: _Optional[str] = ..., box: _Optional[_Union[_geometry_pb2.Aabb, _Mapping]] = ..., sphere: _Optional[_Union[Sphere, _Mapping]] = ..., robot_id: _Optional[str] = ..., older_than_ns: _Optional[int] = ...) -> None: ...
+
+class Sphere(_message.Message):
+    __slots__ = ("center", "radius_m")
+    CENTER_FIELD_NUMBER: _ClassVar[int]
+    RADIUS_M_FIELD_NUMBER: _ClassVar[int]
+    center: _geometry_pb2.Vector3
+    radius_m: float
+    def __init__(self, center: _Optional[_Union[_geometry_pb2.Vector3, _Mapping]] = ..., radius_m: _Optional[float] = ...) -> None: ...
+
+class StampGeometryRequest(_message.Message):
+    __slots__ = ("map_id", "box", "sphere", "mesh", "mode", "robot_id", "color")
+    MAP_ID_FIELD_NUMBER: _ClassVar[int]
+    BOX_FIELD_NUMBER: _ClassVar[int]
+    SPHERE_FIELD_NUMBER: _ClassVar[int]
+    MESH_FIELD_NUMBER: _ClassVar[int]
+    MODE_FIELD_NUMBER: _ClassVar[int]
+    ROBOT_ID_FIELD_NUMBER: _ClassVar[int]
+    COLOR_FIELD_NUMBER: _ClassVar[int]
+    map_id: str
+    box: OrientedSolidBox
+    sphere: Sphere
+    mesh: TriangleMesh
+    mode: StampMode
+    robot_id: str
+    color: StampColor
+    def __init__(self, map_id: _Optional[str] = ..., box: _Optional[_Union[OrientedSolidBox, _Mapping]] = ..., sphere: _Optional[_Union[Sphere, _Mapping]] = ..., mesh: _Optional[_Union[TriangleMesh, _Mapping]] = ..., mode: _Optional[_Union[StampMode, str]] = ..., robot_id: _Optional[str] = ..., color: _Optional[_Union[StampColor, _Mapping]] = ...) -> None: ...
+
+class OrientedSolidBox(_message.Message):
+    __slots__ = ("world_from_box", "size_m")
+    WORLD_FROM_BOX_FIELD_NUMBER: _ClassVar[int]
+    SIZE_M_FIELD_NUMBER: _ClassVar[int]
+    world_from_box: _geometry_pb2.Pose
+    size_m: _geometry_pb2.Vector3
+    def __init__(self, world_from_box: _Optional[_Union[_geometry_pb2.Pose, _Mapping]] = ..., size_m: _Optional[_Union[_geometry_pb2.Vector3, _Mapping]] = ...) -> None: ...
+
+class TriangleMesh(_message.Message):
+    __slots__ = ("vertices_m", "triangles")
+    VERTICES_M_FIELD_NUMBER: _ClassVar[int]
+    TRIANGLES_FIELD_NUMBER: _ClassVar[int]
+    vertices_m: _containers.RepeatedScalarFieldContainer[float]
+    triangles: _containers.RepeatedScalarFieldContainer[int]
+    def __init__(self, vertices_m: _Optional[_Iterable[float]] = ..., triangles: _Optional[_Iterable[int]] = ...) -> None: ...
+
+class StampColor(_message.Message):
+    __slots__ = ("r", "g", "b")
+    R_FIELD_NUMBER: _ClassVar[int]
+    G_FIELD_NUMBER: _ClassVar[int]
+    B_FIELD_NUMBER: _ClassVar[int]
+    r: float
+    g: float
+    b: float
+    def __init__(self, r: _Optional[float] = ..., g: _Optional[float] = ..., b: _Optional[float] = ...) -> None: ...
+
+class EditReply(_message.Message):
+    __slots__ = ("epoch", "surfels_removed", "surfels_added", "cells_forgotten", "cells_told", "key_frames_dropped", "server_us")
+    EPOCH_FIELD_NUMBER: _ClassVar[int]
+    SURFELS_REMOVED_FIELD_NUMBER: _ClassVar[int]
+    SURFELS_ADDED_FIELD_NUMBER: _ClassVar[int]
+    CELLS_FORGOTTEN_FIELD_NUMBER: _ClassVar[int]
+    CELLS_TOLD_FIELD_NUMBER: _ClassVar[int]
+    KEY_FRAMES_DROPPED_FIELD_NUMBER: _ClassVar[int]
+    SERVER_US_FIELD_NUMBER: _ClassVar[int]
+    epoch: int
+    surfels_removed: int
+    surfels_added: int
+    cells_forgotten: int
+    cells_told: int
+    key_frames_dropped: int
+    server_us: int
+    def __init__(self, epoch: _Optional[int] = ..., surfels_removed: _Optional[int] = ..., surfels_added: _Optional[int] = ..., cells_forgotten: _Optional[int] = ..., cells_told: _Optional[int] = ..., key_frames_dropped: _Optional[int] = ..., server_us: _Optional[int] = ...) -> None: ...
 
 class ListMapsRequest(_message.Message):
     __slots__ = ()
@@ -123,7 +217,7 @@ class GetMapStatsRequest(_message.Message):
     def __init__(self, map_id: _Optional[str] = ...) -> None: ...
 
 class GetMapStatsReply(_message.Message):
-    __slots__ = ("map", "frames", "frames_empty", "steps", "voxels", "rows", "surfels", "key_frames", "map_bytes", "voxels_refused", "losses", "stages_ms", "counts", "resident_bytes", "epoch", "newest_stamp_ns", "server_us", "robots")
+    __slots__ = ("map", "frames", "frames_empty", "steps", "voxels", "rows", "surfels", "key_frames", "map_bytes", "voxels_refused", "losses", "stages_ms", "counts", "resident_bytes", "epoch", "newest_stamp_ns", "server_us", "robots", "storage_problem", "storage")
     MAP_FIELD_NUMBER: _ClassVar[int]
     FRAMES_FIELD_NUMBER: _ClassVar[int]
     FRAMES_EMPTY_FIELD_NUMBER: _ClassVar[int]
@@ -142,6 +236,8 @@ class GetMapStatsReply(_message.Message):
     NEWEST_STAMP_NS_FIELD_NUMBER: _ClassVar[int]
     SERVER_US_FIELD_NUMBER: _ClassVar[int]
     ROBOTS_FIELD_NUMBER: _ClassVar[int]
+    STORAGE_PROBLEM_FIELD_NUMBER: _ClassVar[int]
+    STORAGE_FIELD_NUMBER: _ClassVar[int]
     map: MapSummary
     frames: int
     frames_empty: int
@@ -160,7 +256,25 @@ class GetMapStatsReply(_message.Message):
     newest_stamp_ns: int
     server_us: int
     robots: _containers.RepeatedCompositeFieldContainer[RobotReport]
-    def __init__(self, map: _Optional[_Union[MapSummary, _Mapping]] = ..., frames: _Optional[int] = ..., frames_empty: _Optional[int] = ..., steps: _Optional[int] = ..., voxels: _Optional[int] = ..., rows: _Optional[int] = ..., surfels: _Optional[int] = ..., key_frames: _Optional[int] = ..., map_bytes: _Optional[int] = ..., voxels_refused: _Optional[int] = ..., losses: _Optional[_Iterable[_Union[NamedValue, _Mapping]]] = ..., stages_ms: _Optional[_Iterable[_Union[NamedValue, _Mapping]]] = ..., counts: _Optional[_Union[FrameCounts, _Mapping]] = ..., resident_bytes: _Optional[int] = ..., epoch: _Optional[int] = ..., newest_stamp_ns: _Optional[int] = ..., server_us: _Optional[int] = ..., robots: _Optional[_Iterable[_Union[RobotReport, _Mapping]]] = ...) -> None: ...
+    storage_problem: str
+    storage: MapStorage
+    def __init__(self, map: _Optional[_Union[MapSummary, _Mapping]] = ..., frames: _Optional[int] = ..., frames_empty: _Optional[int] = ..., steps: _Optional[int] = ..., voxels: _Optional[int] = ..., rows: _Optional[int] = ..., surfels: _Optional[int] = ..., key_frames: _Optional[int] = ..., map_bytes: _Optional[int] = ..., voxels_refused: _Optional[int] = ..., losses: _Optional[_Iterable[_Union[NamedValue, _Mapping]]] = ..., stages_ms: _Optional[_Iterable[_Union[NamedValue, _Mapping]]] = ..., counts: _Optional[_Union[FrameCounts, _Mapping]] = ..., resident_bytes: _Optional[int] = ..., epoch: _Optional[int] = ..., newest_stamp_ns: _Optional[int] = ..., server_us: _Optional[int] = ..., robots: _Optional[_Iterable[_Union[RobotReport, _Mapping]]] = ..., storage_problem: _Optional[str] = ..., storage: _Optional[_Union[MapStorage, _Mapping]] = ...) -> None: ...
+
+class MapStorage(_message.Message):
+    __slots__ = ("saved_epoch", "saved_ns", "journal", "journal_bytes", "journal_frames", "recovery")
+    SAVED_EPOCH_FIELD_NUMBER: _ClassVar[int]
+    SAVED_NS_FIELD_NUMBER: _ClassVar[int]
+    JOURNAL_FIELD_NUMBER: _ClassVar[int]
+    JOURNAL_BYTES_FIELD_NUMBER: _ClassVar[int]
+    JOURNAL_FRAMES_FIELD_NUMBER: _ClassVar[int]
+    RECOVERY_FIELD_NUMBER: _ClassVar[int]
+    saved_epoch: int
+    saved_ns: int
+    journal: bool
+    journal_bytes: int
+    journal_frames: int
+    recovery: str
+    def __init__(self, saved_epoch: _Optional[int] = ..., saved_ns: _Optional[int] = ..., journal: bool = ..., journal_bytes: _Optional[int] = ..., journal_frames: _Optional[int] = ..., recovery: _Optional[str] = ...) -> None: ...
 
 class RobotReport(_message.Message):
     __slots__ = ("robot_id", "counts", "newest_stamp_ns", "sensor_id", "world_from_camera", "intrinsics")

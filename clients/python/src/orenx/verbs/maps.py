@@ -60,6 +60,21 @@ class Robot:
     intrinsics: Intrinsics | None
 
 
+@dataclass(frozen=True)
+class Storage:
+    """How a map is kept on disk."""
+
+    # The epoch that the map's file holds, and when it was written, Unix ns; zeros: not by this process.
+    saved_epoch: int
+    saved_ns: int
+    # Whether frames are journaled; bytes of the journal, and frames in it.
+    journal: bool
+    journal_bytes: int
+    journal_frames: int
+    # What was brought back when the map was loaded; empty if nothing was.
+    recovery: str
+
+
 @dataclass(frozen=True, eq=False)
 class MapStats(Answer):
     """Sizes, counters and times of a map."""
@@ -67,6 +82,9 @@ class MapStats(Answer):
     map: MapSummary
     counts: FrameCounts
     robots: list[Robot]
+    # What is wrong with saving the map or with its journal; empty if nothing is.
+    storage_problem: str
+    storage: Storage
     losses: dict[str, float]
     # Of the last frame.
     stages_ms: dict[str, float]
@@ -76,7 +94,7 @@ class MapStats(Answer):
 
 @dataclass(frozen=True)
 class Reset:
-    """The first epoch of the empty map, and how many frames waited and were dropped."""
+    """The first epoch of a map that was emptied or restored, and how many frames waited and were dropped."""
 
     epoch: int
     frames_dropped: int
@@ -117,6 +135,17 @@ def _robot(message: maps_pb2.RobotReport) -> Robot:
     )
 
 
+def _storage(message: maps_pb2.MapStorage) -> Storage:
+    return Storage(
+        message.saved_epoch,
+        message.saved_ns,
+        message.journal,
+        message.journal_bytes,
+        message.journal_frames,
+        message.recovery,
+    )
+
+
 def _read_info(data: bytes) -> MapInfo:
     reply = maps_pb2.GetMapReply.FromString(data)
     settings = MessageToDict(reply.settings, preserving_proto_field_name=True)
@@ -135,6 +164,8 @@ def _read_stats(data: bytes) -> MapStats:
         map=_summary(reply.map),
         counts=_counts(reply.counts),
         robots=[_robot(robot) for robot in reply.robots],
+        storage_problem=reply.storage_problem,
+        storage=_storage(reply.storage),
         losses={loss.name: loss.value for loss in reply.losses},
         stages_ms={stage.name: stage.value for stage in reply.stages_ms},
         numbers=numbers,
