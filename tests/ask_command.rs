@@ -24,7 +24,8 @@ struct Asked {
 impl Asked {
     fn new() -> Self {
         let asked = Self { folder: tempfile::tempdir().unwrap(), words: room_words() };
-        let (map, encoder) = (asked.name("default.orenx"), asked.encoder());
+        std::fs::create_dir(asked.path("default")).unwrap();
+        let (map, encoder) = (asked.name("default/map.orenx"), asked.encoder());
         done(&["map", ROOM, "--out", &map, "--stride", "4", "--steps", "0", "--encoder", &encoder]);
         asked
     }
@@ -76,7 +77,7 @@ fn size_of(path: &Path) -> (u32, u32) {
 }
 
 fn asked_for_a_seat(asked: &Asked) {
-    let (map, encoder) = (asked.name("default.orenx"), asked.encoder());
+    let (map, encoder) = (asked.name("default/map.orenx"), asked.encoder());
     let (heat, top) = (asked.name("heat.png"), asked.name("top.png"));
     let json: Value = serde_json::from_str(&done(&[
         "ask",
@@ -124,7 +125,7 @@ fn asked_for_a_seat(asked: &Asked) {
 }
 
 fn classified(asked: &Asked) {
-    let (map, encoder) = (asked.name("default.orenx"), asked.encoder());
+    let (map, encoder) = (asked.name("default/map.orenx"), asked.encoder());
     let (points, names) = seen();
     let classes = ["table", "chair", "bed", "wardrobe", "wall", "floor", "couch"];
     std::fs::write(asked.path("classes.txt"), classes.join("\n")).unwrap();
@@ -171,7 +172,7 @@ fn what_is_asked_for_in_words_is_found_drawn_and_classified() {
 #[test]
 fn what_cannot_be_asked_says_what_to_do() {
     let asked = Asked::new();
-    let (map, encoder) = (asked.name("default.orenx"), asked.encoder());
+    let (map, encoder) = (asked.name("default/map.orenx"), asked.encoder());
     refused(&["ask", &map, "seat"], "static:FOLDER or onnx:FOLDER");
     refused(&["ask", &map, "seat"], "'static:words:");
     let other = words();
@@ -206,7 +207,7 @@ fn what_cannot_be_asked_says_what_to_do() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_server_says_what_its_file_says() {
     let asked = Asked::new();
-    let (map, encoder) = (asked.name("default.orenx"), asked.encoder());
+    let (map, encoder) = (asked.name("default/map.orenx"), asked.encoder());
     let server = start(|settings| {
         with_encoder(settings, asked.words.path());
         settings.storage.path = asked.folder.path().into();

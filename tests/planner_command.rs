@@ -20,8 +20,11 @@ fn save(path: &Path, shape: &[usize], values: &[f32]) -> String {
     path.to_str().unwrap().to_owned()
 }
 
+/// Names of columns, and how many numbers each has.
+type Columns = Vec<(&'static str, usize)>;
+
 /// The inputs of every verb, and the arrays of its answer with their widths.
-fn verbs(folder: &Path) -> Vec<(Vec<String>, Vec<(&'static str, usize)>)> {
+fn verbs(folder: &Path) -> Vec<(Vec<String>, Columns)> {
     let text = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect();
     let points: Vec<f32> =
         (0..600).map(|i| number(i) * 2.0 + f32::from(u8::from(i % 3 == 2))).collect();
@@ -71,7 +74,8 @@ fn arrays(path: &Path, names: &[(&str, usize)]) -> Vec<Vec<u32>> {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_file_answers_as_the_server_that_loaded_it() {
     let folder = tempfile::tempdir().unwrap();
-    let map = folder.path().join("default.orenx").to_str().unwrap().to_owned();
+    std::fs::create_dir(folder.path().join("default")).unwrap();
+    let map = folder.path().join("default/map.orenx").to_str().unwrap().to_owned();
     let path = map.clone();
     let mapped = move || done(&["map", ROOM, "--out", &path, "--stride", "6", "--steps", "2"]);
     tokio::task::spawn_blocking(mapped).await.unwrap();

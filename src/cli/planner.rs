@@ -38,7 +38,7 @@ enum Verb {
 
 /// Who is asked, and where the answers go.
 #[derive(Debug, Args)]
-struct Common {
+struct Asked {
     /// Map file, or the URL of a server's gRPC, as in grpc://127.0.0.1:7610
     map: String,
     /// Where the answers go
@@ -50,7 +50,7 @@ struct Common {
 #[derive(Debug, Args)]
 struct SpheresArgs {
     #[command(flatten)]
-    common: Common,
+    common: Asked,
     /// An .npy file of spheres, (N, 4): x y z r, world metres
     #[arg(long, value_name = "FILE.npy")]
     spheres: PathBuf,
@@ -61,7 +61,7 @@ struct SpheresArgs {
 #[derive(Debug, Args)]
 struct TrajectoriesArgs {
     #[command(flatten)]
-    common: Common,
+    common: Asked,
     /// An .npy file of poses, (trajectories, poses, 7) or (poses, 7): x y z and the quaternion x y z w
     #[arg(long, value_name = "FILE.npy")]
     poses: PathBuf,
@@ -80,7 +80,7 @@ struct TrajectoriesArgs {
 #[derive(Debug, Args)]
 struct RaysArgs {
     #[command(flatten)]
-    common: Common,
+    common: Asked,
     /// An .npy file of rays, (N, 6): origin and direction
     #[arg(long, value_name = "FILE.npy")]
     rays: PathBuf,
@@ -93,7 +93,7 @@ struct RaysArgs {
 #[derive(Debug, Args)]
 struct NearestArgs {
     #[command(flatten)]
-    common: Common,
+    common: Asked,
     /// An .npy file of points, (N, 3), world metres
     #[arg(long, value_name = "FILE.npy")]
     points: PathBuf,
@@ -107,7 +107,7 @@ struct NearestArgs {
 #[derive(Debug, Args)]
 struct GridArgs {
     #[command(flatten)]
-    common: Common,
+    common: Asked,
     /// Corners of the box, world metres; left out: all that was observed
     #[arg(long, value_name = "X,Y,Z,X,Y,Z", allow_hyphen_values = true, value_parser = parse_box)]
     r#box: Option<Aabb>,
@@ -138,7 +138,7 @@ enum Source {
 impl Source {
     fn open(map: &str) -> Result<Self> {
         if !is_url(map) {
-            return Ok(Self::of(open_view(Path::new(map))?)?);
+            return Self::of(open_view(Path::new(map))?);
         }
         if map.starts_with("zenoh+") {
             let problem = "planners' questions are asked over gRPC, as in grpc://127.0.0.1:7610";

@@ -18,13 +18,14 @@ use crate::error::{Error, Result};
 const PREFIX: &str = "ORENX_";
 /// Variables of ours that are no settings: what is logged, a client's key and whom it trusts, and where
 /// tests find data, text encoders and tools.
-const OTHERS: [&str; 9] = [
+const OTHERS: [&str; 10] = [
     "ORENX_LOG",
     "ORENX_API_KEY",
     "ORENX_API_KEY_FILE",
     "ORENX_CA",
     "ORENX_CLIENT_CERT",
     "ORENX_CLIENT_KEY",
+    "ORENX_TEST_BROWSER",
     "ORENX_TEST_DATA",
     "ORENX_TEST_ENCODERS",
     "ORENX_TEST_TOOLS",
@@ -233,6 +234,7 @@ mod tests {
             ("ORENX_MAP_MODALITIES", "sdf, occupancy"),
             ("ORENX_LOG", "info"),
             ("ORENX_API_KEY", "a client's"),
+            ("ORENX_TEST_BROWSER", "/chromium"),
             ("ORENX_TEST_DATA", "/data"),
             ("ORENX_TEST_ENCODERS", "/encoders"),
             ("ORENX_TEST_TOOLS", "/bin"),

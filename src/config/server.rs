@@ -153,24 +153,6 @@ impl ServerConfig {
     /// Checks a settings file, its map included.
     pub fn from_settings(settings: &Settings) -> Result<(Self, MapConfig)> {
         let server = &settings.server;
-        let address = |key: &str, text: &str, port: u16| {
-            text.parse::<SocketAddr>().map_err(|_| {
-                Error::invalid(
-                    format!("server.{key}"),
-                    format!("'{text}' is no address and port, as in 127.0.0.1:{port}"),
-                )
-            })
-        };
-        let within = |key: &str, value: u32, range: std::ops::RangeInclusive<u32>| {
-            if range.contains(&value) {
-                return Ok(value as usize);
-            }
-            let (low, high) = range.into_inner();
-            Err(Error::invalid(
-                format!("server.{key}"),
-                format!("{value} must be within {low}..={high}"),
-            ))
-        };
         let query_threads = match within("query_threads", server.query_threads, 0..=256)? {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
             threads => threads,
@@ -234,6 +216,24 @@ impl ServerConfig {
         })?;
         Ok((config, map))
     }
+}
+
+/// An address of `[server]`.
+fn address(key: &str, text: &str, port: u16) -> Result<SocketAddr> {
+    text.parse().map_err(|_| {
+        let problem = format!("'{text}' is no address and port, as in 127.0.0.1:{port}");
+        Error::invalid(format!("server.{key}"), problem)
+    })
+}
+
+/// A number of `[server]` within its range.
+fn within(key: &str, value: u32, range: std::ops::RangeInclusive<u32>) -> Result<usize> {
+    if range.contains(&value) {
+        return Ok(value as usize);
+    }
+    let (low, high) = range.into_inner();
+    let problem = format!("{value} must be within {low}..={high}");
+    Err(Error::invalid(format!("server.{key}"), problem))
 }
 
 impl ServerConfig {

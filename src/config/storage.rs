@@ -113,7 +113,8 @@ mod tests {
         let kept = kept.expect("fine");
         assert_eq!(kept.snapshot_interval, Some(Duration::from_secs(60)));
         assert_eq!(kept.journal_bytes, Some(1 << 30));
-        let cases: [(fn(&mut StorageSettings), &str); 5] = [
+        type Spoil = fn(&mut StorageSettings);
+        let cases: [(Spoil, &str); 5] = [
             (|s| s.snapshot_interval_s = 604_801, "storage.snapshot_interval_s: "),
             (|s| s.keep_snapshots = 129, "storage.keep_snapshots: "),
             (|s| s.max_snapshot_mib = 0, "storage.max_snapshot_mib: "),

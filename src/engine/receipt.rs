@@ -61,7 +61,8 @@ impl Receipt {
 
     /// The mapper failed before readers saw it.
     pub(super) fn fail(&self, error: Error) {
-        if let Some(ticket) = self.state().ticket.take() {
+        let ticket = self.state().ticket.take();
+        if let Some(ticket) = ticket {
             ticket.settle(Verdict::Rejected(error));
         }
     }

@@ -41,7 +41,7 @@ impl Naming {
     fn name(&self, headers: &HeaderMap) -> HeaderValue {
         let is_sane = |value: &&HeaderValue| {
             let is_plain = |b: &u8| b.is_ascii_alphanumeric() || b"._:-".contains(b);
-            (1..=MAX_BYTES).contains(&value.len()) && value.as_bytes().iter().all(|b| is_plain(b))
+            (1..=MAX_BYTES).contains(&value.len()) && value.as_bytes().iter().all(is_plain)
         };
         headers.get(GIVEN).filter(is_sane).cloned().unwrap_or_else(|| {
             let id = format!("{:016x}", self.next.fetch_add(STEP, Relaxed));

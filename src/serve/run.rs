@@ -113,8 +113,7 @@ pub async fn run(
 
     let outcome = tokio::select! {
         served = &mut serving => return served.map_err(transport_error),
-        () = shutdown => Ok(()),
-        ended = service.ended() => ended,
+        outcome = end(&service, shutdown) => outcome,
     };
     set_health(&health, ServingStatus::NotServing).await;
     beside.stop(&outcome);
@@ -126,6 +125,14 @@ pub async fn run(
     }
     beside.close().await;
     outcome
+}
+
+/// Waits until the server shall end, or has to.
+async fn end(service: &Service, shutdown: impl Future<Output = ()>) -> Result<()> {
+    tokio::select! {
+        () = shutdown => Ok(()),
+        ended = service.ended() => ended,
+    }
 }
 
 /// What is served beside gRPC.

@@ -102,8 +102,9 @@ fn parse(field: &str, text: &str) -> Result<EnvFilter> {
     if text.len() > MAX_BYTES {
         return Err(wrong(format!("at most {MAX_BYTES} bytes")));
     }
-    for part in text.split(',').map(str::trim) {
-        let level = part.rsplit_once('=').map_or(part, |(_, level)| level);
+    let parts: Vec<&str> = text.split(',').map(str::trim).collect();
+    for part in &parts {
+        let level = part.rsplit_once('=').map_or(*part, |(_, level)| level);
         if !LEVELS.contains(&level.to_lowercase().as_str()) {
             let problem = format!(
                 "'{part}' is none of {}, also by room, as in orenx::serve=info",
@@ -112,7 +113,7 @@ fn parse(field: &str, text: &str) -> Result<EnvFilter> {
             return Err(wrong(problem));
         }
     }
-    EnvFilter::try_new(text).map_err(|e| wrong(e.to_string()))
+    EnvFilter::try_new(parts.join(",")).map_err(|e| wrong(e.to_string()))
 }
 
 #[cfg(test)]

@@ -7,6 +7,8 @@ use orenx::config::{LimitSettings, Role};
 use orenx::error::Error;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
+use tokio::sync::mpsc;
+use tokio_stream::wrappers::ReceiverStream;
 use tonic_types::StatusExt;
 
 use super::{ask, class, key, refused, showing, with_keys};
@@ -66,7 +68,9 @@ async fn streams_of_one_client_are_bounded_over_all_its_connections() {
     let (mut held, mut clients) = (Vec::new(), Vec::new());
     for _ in 0..3 {
         let client = Client::connect(&url).await.unwrap();
-        held.push(client.stream_query(tokio_stream::pending()).await.unwrap());
+        let (ending, questions) = mpsc::channel(1);
+        let answers = client.stream_query(ReceiverStream::new(questions)).await.unwrap();
+        held.push((ending, answers));
         clients.push(client);
     }
     let error = clients[0].stream_query(tokio_stream::pending()).await.err().expect("no place");

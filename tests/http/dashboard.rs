@@ -149,7 +149,10 @@ async fn until(stream: &mut TcpStream, rest: &mut String, is_it: impl Fn(&str, &
     let reading = async {
         loop {
             while let Some((event, others)) = rest.split_once("\n\n") {
-                let found = event.split_once("event: ").and_then(|(_, e)| e.split_once("\ndata: "));
+                let found = event.split_once("event: ").and_then(|(_, e)| {
+                    let (name, rest) = e.split_once('\n')?;
+                    Some((name, rest.split_once("data: ")?.1))
+                });
                 let is_found = found.is_some_and(|(name, data)| {
                     is_it(name, &serde_json::from_str(data).unwrap_or_default())
                 });

@@ -70,6 +70,8 @@ async fn admit(
     let answer = answer.map_err(|_| late(patience))?;
     Ok(match admitted.place {
         None => answer,
+        // A refusal ends at once.
+        Some(_) if !answer.status().is_success() => answer,
         // The place of a stream is given back with its end.
         Some(place) => answer.map(|body| {
             Body::new(body.map_frame(move |frame| {

@@ -110,7 +110,7 @@ pub(super) async fn pieces(
 }
 
 fn head(reply: &PiecesReply) -> Vec<u8> {
-    let flags = u32::from(reply.is_fresh) * IS_FRESH | u32::from(reply.has_more) * HAS_MORE;
+    let flags = (u32::from(reply.is_fresh) * IS_FRESH) | (u32::from(reply.has_more) * HAS_MORE);
     let mut head = MAGIC.to_vec();
     head.extend((reply.pieces.len() as u32).to_le_bytes());
     [reply.generation, reply.next, reply.epoch].iter().for_each(|n| head.extend(n.to_le_bytes()));

@@ -88,7 +88,7 @@ struct Brick {
 ///
 /// Events named `region`, each with bricks of voxels as its data and the epoch as its id; at most
 /// 262 144 voxels. A slow reader skips epochs. An event named `error` ends the stream.
-#[utoipa::path(post, path = "/v1/maps/{map}/watch/region", tag = "planner",
+#[utoipa::path(post, path = "/v1/maps/{map}/watch/region", operation_id = "watch_region", tag = "planner",
     params(openapi::MapPath), request_body = WatchRegionRequest,
     responses((status = 200, description = "Server-sent events.",
         content((RegionEvent = "text/event-stream"))), PointRefusals))]
@@ -117,7 +117,8 @@ pub(super) async fn region(
 ///
 /// Events named `trajectories`, each with verdicts as from `query/trajectories` as its data and the
 /// epoch as its id. An event named `error` ends the stream.
-#[utoipa::path(post, path = "/v1/maps/{map}/watch/trajectories", tag = "planner",
+#[utoipa::path(post, path = "/v1/maps/{map}/watch/trajectories",
+    operation_id = "watch_trajectories", tag = "planner",
     params(openapi::MapPath), request_body = WatchTrajectoriesRequest,
     responses((status = 200, description = "Server-sent events.",
         content((TrajectoriesAnswer = "text/event-stream"))), PointRefusals))]

@@ -16,7 +16,7 @@ fn entries(count: u64) -> Vec<Entry> {
     let entry = |i: u64| Entry {
         position: FIRST_POSITION + i,
         epoch: i,
-        frame: room.load(i as usize, i % 2 == 0).expect("a frame"),
+        frame: room.load(i as usize, i.is_multiple_of(2)).expect("a frame"),
     };
     (0..count).map(entry).collect()
 }

@@ -74,7 +74,7 @@ fn request() -> EsdfRequest {
         use_aabb: true,
         frame_id: "map".into(),
         aabb_min_m: Point { x: -1.1, y: -1.0, z: 0.55 },
-        aabb_size_m: Vector3 { x: 2.0, y: 1.5, z: 1.0 },
+        aabb_size_m: Vector3 { x: 2.0, y: 1.5, z: 4.0 },
         aabbs_to_clear_min_m: Vec::new(),
         aabbs_to_clear_size_m: Vec::new(),
         spheres_to_clear_center_m: Vec::new(),
@@ -89,12 +89,12 @@ async fn check(server: &Running, epoch: u64, found: &EsdfResponse) {
     let origin = found.origin_m;
     assert_eq!([origin.x, origin.y, origin.z], [-1.25, -1.0, 0.5]);
     let sizes: Vec<u32> = found.esdf_and_gradients.layout.dim.iter().map(|d| d.size).collect();
-    assert_eq!((&sizes[..], found.voxel_size_m), (&[9, 7, 5][..], 0.25));
+    assert_eq!((&sizes[..], found.voxel_size_m), (&[9, 7, 17][..], 0.25));
     let mut points = Vec::new();
     for x in 0..9 {
         for y in 0..7 {
             points.extend(
-                (0..5).map(|z| min + (Vec3::new(x as f32, y as f32, z as f32) + 0.5) * 0.25),
+                (0..17).map(|z| min + (Vec3::new(x as f32, y as f32, z as f32) + 0.5) * 0.25),
             );
         }
     }

@@ -172,7 +172,9 @@ impl<'a> Differences<'a> {
                 self.rows.insert(at * ROWS + i);
                 let (is, was) = (row.explicit[0], was.map_or(f32::NAN, |was| was.explicit[0]));
                 let is_same = (is - was).abs() <= SEEN_M && (is < 0.0) == (was < 0.0);
-                if !is_same && !(is.abs().min(was.abs()) > reach) {
+                // A row that was not there has no distance: the new one alone counts.
+                let is_far = is.abs().min(was.abs()) > reach;
+                if !is_same && !is_far {
                     self.moved.insert(at * ROWS + i);
                 }
             }
