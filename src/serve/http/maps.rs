@@ -217,7 +217,8 @@ pub(super) async fn create(
     let started = Instant::now();
     let most = Most { bytes: SETTINGS_BYTES, what: "settings of a map".into() };
     let received = receive::<u8>(request.into_body(), most, &edge.limits, &edge.memory).await?;
-    let asked = if received.bytes == 0 { NewMap::default() } else { parse(&received.values)? };
+    let asked: Option<NewMap> = if received.bytes == 0 { None } else { parse(&received.values)? };
+    let asked = asked.unwrap_or_default();
     let settings = asked.settings.into_iter().map(|(key, value)| (key, as_written(value)));
     let detail = edge.service()?.create_map(&map_id, &settings.collect()).await?;
     Ok((StatusCode::CREATED, json(&MapDetail::of(detail, started))?).into_response())

