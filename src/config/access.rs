@@ -315,7 +315,7 @@ mod tests {
             key("a", &format!("key = \"{KEY}")),
             key("a", "key = 1234567890123456789"),
             key("a", &format!("key = \"{KEY}\" \"{KEY}\"")),
-            format!("[auth]\nkeys = [{{ name = \"a\", role = \"raed\", key = \"{KEY}\" }}]\n"),
+            format!("[auth]\nkeys = [{{ name = \"a\", role = \"guest\", key = \"{KEY}\" }}]\n"),
         ] {
             let error = check(&text).expect_err("wrong");
             assert!(!error.contains("0123456789") && !error.contains("1234567890"), "{error}");
