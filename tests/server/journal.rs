@@ -7,6 +7,7 @@ use orenx::config::{JournalMode, Settings};
 use orenx::dataset::Dataset;
 use orenx::dataset::synthetic::Synthetic;
 use orenx::engine::QueuePolicy;
+use orenx::map::Clear;
 use orenx::service::DEFAULT_MAP;
 use orenx::wire::frame_to_wire;
 use orenx::wire::v1::{self, FrameStatus};
@@ -141,6 +142,25 @@ async fn a_reset_and_a_restored_snapshot_are_not_undone() {
         }
         again.stop().await.1.unwrap();
     }
+}
+
+/// A journal knows of frames alone: mapping them again must not bring back what was cleared.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_map_that_was_cleared_stays_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let one = folder.path().join("one");
+    let server = journaled(&one).await;
+    send_safely(&server, [0, 30]).await;
+    let everything = Clear { robot_id: Some("recording".into()), ..Clear::default() };
+    let edited = server.client.clear_region(DEFAULT_MAP, &everything).await.unwrap();
+    assert!(edited.surfels_removed > 0, "{edited:?}");
+    let crashed = copied(&one, folder.path().join("cleared"));
+    server.stop().await.1.unwrap();
+
+    let again = journaled(&crashed).await;
+    let stats = again.client.map_stats(DEFAULT_MAP).await.unwrap().stats;
+    assert_eq!((stats.frames, stats.surfels), (2, 0));
+    again.stop().await.1.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]

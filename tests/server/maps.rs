@@ -10,6 +10,8 @@ use orenx::wire::v1;
 use orenx::wire::v1::FrameStatus;
 use tonic::Code;
 
+use crate::support::command::done;
+
 use super::{good_frame, open_stream, start, verdict};
 
 #[tokio::test(flavor = "multi_thread")]
@@ -143,12 +145,19 @@ async fn maps_come_and_go_and_keep_apart_what_they_saw() {
     let other = client.map_stats(DEFAULT_MAP).await.unwrap();
     assert_eq!((other.stats.frames, other.counts.received, other.robots.len()), (0, 0, 0));
 
+    let url = server.url.clone();
+    let room = "synthetic:room:frames=2,width=64";
+    let sent = move || done(&["stream", room, &url, "--map", "yard"]);
+    tokio::task::spawn_blocking(sent).await.unwrap();
+    assert_eq!(client.map_stats("yard").await.unwrap().stats.frames, 3, "from the command line");
+    assert_eq!(client.map_stats(DEFAULT_MAP).await.unwrap().stats.frames, 0);
+
     let error = client.delete_map(DEFAULT_MAP).await.expect_err("it stays").to_string();
     assert!(error.contains("can be reset"), "{error}");
     drop((frames, acks));
     server.stop().await.1.unwrap();
     let server = start(|settings| settings.storage.path = path.clone()).await;
-    assert_eq!(server.client.map_stats("yard").await.unwrap().stats.frames, 1, "it was saved");
+    assert_eq!(server.client.map_stats("yard").await.unwrap().stats.frames, 3, "it was saved");
     server.client.delete_map("yard").await.unwrap();
     assert!(!path.join("yard").exists());
     let gone = server.client.map_stats("yard").await.expect_err("gone");
