@@ -133,12 +133,12 @@ impl Mapper {
         self.store.write_colors(&color.band, changed, |block, texels| {
             let rows = block as usize * texels.len();
             for (i, (texel, seen)) in texels.iter_mut().zip(&color.seen()[rows..]).enumerate() {
-                *texel = Texel::default();
-                if seen.weight > 0.0 {
+                let logits = (seen.weight > 0.0).then(|| {
                     let learned = learned.get(rows + i).copied().unwrap_or_default();
-                    let closed = radiance::logits(Vec3::from(seen.color));
-                    *texel = Texel::new(closed + Vec3::from(learned));
-                }
+                    radiance::logits(Vec3::from(seen.color)) + Vec3::from(learned)
+                });
+                let distance = color.relief().get(rows + i).and_then(|seen| seen.distance());
+                *texel = Texel::new(logits, distance);
             }
         });
     }

@@ -160,8 +160,10 @@ impl TexelSource for Store {
 
     #[inline]
     fn texel(&self, row: u32) -> Texel {
-        let page = BLOCKS << (3 * self.band.log2_side);
-        self.colors.page(row as usize / page).texels[row as usize % page]
+        // Divided by shifting: the compiler cannot know that a page is a power of two of texels.
+        let log2_page = BLOCKS.ilog2() + 3 * u32::from(self.band.log2_side);
+        let (page, at) = (row >> log2_page, row & ((1 << log2_page) - 1));
+        self.colors.page(page as usize).texels[at as usize]
     }
 }
 

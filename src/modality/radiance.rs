@@ -8,7 +8,8 @@
 
 use glam::Vec3;
 
-use crate::octree::{BandPlace, BandScale, NO_VERTEX, Uppers, sum_of_observed};
+use crate::octree::{BandPlace, BandScale, NO_VERTEX, Uppers};
+use crate::surface::DISTANCE_STEP_M;
 
 /// Bound of a stored logit, so that it fits a [`Texel`].
 const LIMIT: f32 = 7.99;
@@ -17,25 +18,36 @@ const MARGIN: f32 = 1.0 / 512.0;
 /// Steps of a [`Texel`] in one unit of a logit.
 const SCALE: f32 = 4096.0;
 
-/// A vertex as a view holds it: logits in steps of 2⁻¹², and 1 where it was observed.
+/// A vertex as a view holds it: logits in steps of 2⁻¹², and the distance to the surface in steps of
+/// [`DISTANCE_STEP_M`]. All logits are 0 where no colour was observed, and the distance is 0 where none
+/// was; a value that would be 0 is one step off.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Texel {
     logits: [i16; 3],
-    observed: i16,
+    distance: i16,
 }
 
 impl Texel {
-    /// An observed vertex.
-    pub fn new(logits: Vec3) -> Self {
+    /// A vertex of which a colour, a distance in steps, both or nothing was observed.
+    pub fn new(logits: Option<Vec3>, distance: Option<i16>) -> Self {
         let step = |x: f32| (x.clamp(-LIMIT, LIMIT) * SCALE).round() as i16;
-        Self { logits: [step(logits.x), step(logits.y), step(logits.z)], observed: 1 }
+        match logits {
+            Some(logits) => Self::of_steps(logits.to_array().map(step), distance),
+            None => Self { logits: [0; 3], distance: other_than_0(distance) },
+        }
     }
 
-    /// Whether a frame saw the vertex.
+    /// An observed vertex with logits in steps of 2⁻¹².
+    pub fn of_steps(logits: [i16; 3], distance: Option<i16>) -> Self {
+        let logits = if logits == [0; 3] { [1, 0, 0] } else { logits };
+        Self { logits, distance: other_than_0(distance) }
+    }
+
+    /// Whether a frame saw the colour of the vertex.
     #[inline]
     pub fn is_observed(self) -> bool {
-        self.observed != 0
+        self.logits != [0; 3]
     }
 
     /// The logits; of no meaning where the vertex was not observed.
@@ -43,6 +55,16 @@ impl Texel {
     pub fn logits(self) -> Vec3 {
         Vec3::from(self.logits.map(f32::from)) * (1.0 / SCALE)
     }
+
+    /// The distance to the surface, m, where frames measured it.
+    #[inline]
+    pub fn distance_m(self) -> Option<f32> {
+        (self.distance != 0).then(|| f32::from(self.distance) * DISTANCE_STEP_M)
+    }
+}
+
+fn other_than_0(distance: Option<i16>) -> i16 {
+    distance.map_or(0, |steps| if steps == 0 { 1 } else { steps })
 }
 
 /// Read access to a band of colour.
@@ -62,11 +84,17 @@ pub fn color(source: &(impl TexelSource + ?Sized), block: u32, point: Vec3) -> O
     let scale = source.band();
     let place: BandPlace = scale.place(point);
     let rows = scale.vertices_around(&place, source.uppers(block));
-    let observed = rows.map(|row| {
-        let texel = (row != NO_VERTEX).then(|| source.texel(row));
-        texel.filter(|texel| texel.is_observed()).map(Texel::logits)
-    });
-    let (sum, total) = sum_of_observed(&observed, &place.weights());
+    let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+    for (row, weight) in rows.into_iter().zip(place.weights()) {
+        if row == NO_VERTEX {
+            continue;
+        }
+        let texel = source.texel(row);
+        if texel.is_observed() {
+            sum += texel.logits() * weight;
+            total += weight;
+        }
+    }
     (total > 0.0).then(|| sigmoid(sum / total))
 }
 
@@ -110,7 +138,7 @@ mod tests {
     fn logits_and_colours_invert_each_other_within_half_a_step_of_eight_bits() {
         for level in 0..=255 {
             let color = Vec3::splat(level as f32 / 255.0);
-            let back = sigmoid(Texel::new(logits(color)).logits());
+            let back = sigmoid(Texel::new(Some(logits(color)), None).logits());
             assert!((back - color).abs().max_element() <= 1.0 / 510.0, "{level}: {back}");
         }
     }
@@ -125,10 +153,10 @@ mod tests {
         let point = Vec3::splat(0.02);
         assert_eq!(color(&source, block, point), None);
         let (red, blue) = (Vec3::new(0.9, 0.1, 0.1), Vec3::new(0.1, 0.1, 0.9));
-        source.1[0] = Texel::new(logits(red));
+        source.1[0] = Texel::new(Some(logits(red)), None);
         let found = color(&source, block, point).expect("observed");
         assert!((found - red).abs().max_element() < 1e-3, "{found}");
-        source.1[1] = Texel::new(logits(blue));
+        source.1[1] = Texel::new(Some(logits(blue)), None);
         // Halfway along x between both, in logits: both mix alike, whatever the other axes say.
         let found = color(&source, block, Vec3::new(0.025, 0.02, 0.02)).expect("observed");
         assert!((found - Vec3::new(0.5, 0.1, 0.5)).abs().max_element() < 1e-3, "{found}");

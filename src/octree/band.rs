@@ -69,20 +69,34 @@ impl BandScale {
         }
     }
 
+    /// The vertex at a place in the block with these neighbours, whose own are below the side along
+    /// each axis and whose upper neighbours' first ones are at the side; [`NO_VERTEX`] where a block is
+    /// missing.
+    #[inline]
+    pub fn vertex(self, at: [usize; 3], uppers: &Uppers) -> u32 {
+        let (upper, index) = self.locate(at.map(|c| c as u32));
+        match uppers[upper] {
+            NO_BLOCK => NO_VERTEX,
+            block => (block << (3 * self.log2_side)) + index,
+        }
+    }
+
+    /// In which neighbour (an index into [`Uppers`]) a vertex lies, and where in its block.
+    #[inline(always)]
+    fn locate(self, at: [u32; 3]) -> (usize, u32) {
+        let (log2, mask) = (self.log2_side, (1 << self.log2_side) - 1);
+        let upper = at[0] >> log2 | at[1] >> log2 << 1 | at[2] >> log2 << 2;
+        let index = at[0] & mask | (at[1] & mask) << log2 | (at[2] & mask) << (2 * log2);
+        (upper as usize, index)
+    }
+
     /// Which of the eight vertices around a place lie in which neighbour (an index into
     /// [`Uppers`]), and where in its block; bit 0 = x, bit 1 = y, bit 2 = z.
-    #[inline]
+    #[inline(always)]
     fn around(self, place: &BandPlace) -> [(usize, u32); 8] {
-        let side = self.side() as u32;
-        std::array::from_fn(|corner| {
-            let (mut upper, mut index) = (0, 0);
-            for axis in (0..3).rev() {
-                let at = u32::from(place.local[axis]) + (corner as u32 >> axis & 1);
-                upper |= usize::from(at == side) << axis;
-                index = index * side + (at & (side - 1));
-            }
-            (upper, index)
-        })
+        let [x, y, z] = place.local.map(u32::from);
+        let corner = |k: u32| self.locate([x + (k & 1), y + (k >> 1 & 1), z + (k >> 2)]);
+        [0, 1, 2, 3, 4, 5, 6, 7].map(corner)
     }
 
     /// The vertices around a place in the block with these neighbours; [`NO_VERTEX`] where a block
@@ -278,6 +292,22 @@ impl Band {
         for (upper, _) in self.scale.around(place) {
             if self.uppers[block as usize][upper] == NO_BLOCK {
                 self.insert(moved(place.cell, upper, 1));
+            }
+        }
+    }
+
+    /// Creates the blocks of all cells within a distance along the axes of a point.
+    pub fn hold_around(&mut self, point: Vec3, reach_m: f32) {
+        let cell = |at: Vec3| (at / self.scale.cell_m).to_array().map(floor);
+        let (low, high) = (cell(point - reach_m), cell(point + reach_m));
+        if low == high {
+            return;
+        }
+        for z in low[2]..=high[2] {
+            for y in low[1]..=high[1] {
+                for x in low[0]..=high[0] {
+                    self.insert([x, y, z]);
+                }
             }
         }
     }

@@ -19,6 +19,7 @@ use super::sections::Sections;
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::map::{MapView, Mapper, MapperState, Progress, Robots, Timeline, ViewState};
+use crate::modality::radiance::Texel;
 use crate::train::{FrameRecord, KeyFramesState, NO_ROBOT};
 
 /// What a map file holds.
@@ -323,6 +324,19 @@ fn save_compact(view: &MapView, path: &Path) -> Result<()> {
     out.write(path)
 }
 
+/// In files from before surfaces had a relief, a texel ends with whether its colour was observed.
+fn take_texels(from: &mut Sections<'_>) -> Result<Vec<Texel>> {
+    if from.tags().any(|tag| tag == VIEW_TEXELS) {
+        return from.take_array(VIEW_TEXELS);
+    }
+    let colors: Vec<[i16; 4]> = from.take_array(VIEW_COLORS)?;
+    let texel = |[r, g, b, is_observed]: [i16; 4]| match is_observed {
+        0 => Texel::default(),
+        _ => Texel::of_steps([r, g, b], None),
+    };
+    Ok(colors.into_iter().map(texel).collect())
+}
+
 fn take_view(from: &mut Sections<'_>) -> Result<MapView> {
     let config = take_config(from)?;
     let has_color = config.has("radiance");
@@ -337,7 +351,7 @@ fn take_view(from: &mut Sections<'_>) -> Result<MapView> {
         rows: from.take_array(VIEW_ROWS)?,
         known: from.take_array(BRICK_KNOWN)?,
         color_cells: if has_color { from.take_array(COLOR_CELLS)? } else { Vec::new() },
-        texels: if has_color { from.take_array(VIEW_TEXELS)? } else { Vec::new() },
+        texels: if has_color { take_texels(from)? } else { Vec::new() },
         viewpoints: if has_viewpoints { from.take_array(VIEWPOINTS)? } else { Vec::new() },
         codes: if config.has("language") { take_view_codes(from)? } else { Default::default() },
     };

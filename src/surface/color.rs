@@ -12,6 +12,8 @@
 //! quarter, half and nine tenths of the gain), since exposure goes with the place. Training, which
 //! compares single pixels with the map, takes the gains.
 
+mod edges;
+mod relief;
 mod stored;
 
 use glam::Vec3;
@@ -19,8 +21,11 @@ use glam::Vec3;
 use super::forget::Lost;
 use crate::config::MapConfig;
 use crate::frame::{ColorImage, Frame};
-use crate::octree::{Band, BandPlace, BandScale, NO_BLOCK, NO_VERTEX, sum_of_observed};
+use crate::geometry::Aabb;
+use crate::octree::{Band, BandPlace, BandScale, Cell, NO_BLOCK, NO_VERTEX, sum_of_observed};
 
+use relief::Relief;
+pub use relief::{DISTANCE_STEP_M, SeenDistance};
 pub use stored::ColorState;
 
 /// The weight of the past is bounded by this many pixels that hit a vertex: enough to average noise
@@ -73,6 +78,8 @@ pub struct ColorField {
     /// Every n-th pixel in u and v takes part.
     stride: u32,
     seen: Vec<SeenColor>,
+    /// Where the band is fine enough for one.
+    relief: Option<Relief>,
     /// The frame that changed a block last.
     touched: Vec<u32>,
     /// Blocks that changed since [`ColorField::take_changed`].
@@ -83,7 +90,10 @@ pub struct ColorField {
 impl ColorField {
     /// What a block of `scale` takes, bytes.
     pub fn block_bytes(scale: BandScale) -> usize {
-        Band::BLOCK_BYTES + scale.vertices() * size_of::<SeenColor>() + 4
+        Band::BLOCK_BYTES
+            + scale.vertices() * size_of::<SeenColor>()
+            + Relief::block_bytes(scale)
+            + 4
     }
 
     /// How the band divides level-0 voxels, if a map has radiance.
@@ -92,12 +102,14 @@ impl ColorField {
         config.has("radiance").then_some(scale)
     }
 
-    /// Nothing seen yet; every `stride`-th pixel in u and v will take part.
-    pub fn new(scale: BandScale, stride: u32) -> Self {
+    /// Nothing seen yet; every `stride`-th pixel in u and v will take part. Where the band is fine
+    /// enough surfaces have a relief, if bricks of evidence have 2ⁿ cells of the band a side.
+    pub fn new(scale: BandScale, stride: u32, log2_brick: Option<u32>) -> Self {
         Self {
             band: Band::new(scale),
             stride,
             seen: Vec::new(),
+            relief: log2_brick.filter(|_| Relief::suits(scale)).map(Relief::new),
             touched: Vec::new(),
             changed: Vec::new(),
             splats: Vec::new(),
@@ -107,6 +119,23 @@ impl ColorField {
     /// The averages, by vertex of the band.
     pub fn seen(&self) -> &[SeenColor] {
         &self.seen
+    }
+
+    /// The distances, by vertex of the band; empty where there is no relief.
+    pub fn relief(&self) -> &[SeenDistance] {
+        self.relief.as_ref().map_or(&[], Relief::seen)
+    }
+
+    /// Takes the distances of the frame in that [`ColorField::integrate`] saw last, at the vertices in
+    /// these bricks of evidence.
+    pub fn carve(
+        &mut self,
+        frame: &Frame,
+        bricks: impl Iterator<Item = Cell>,
+        pool: &rayon::ThreadPool,
+    ) {
+        let Some(relief) = &mut self.relief else { return };
+        self.changed.extend(relief.integrate(frame, &self.band, bricks, pool));
     }
 
     /// Bytes held.
@@ -126,6 +155,9 @@ impl ColorField {
     /// Takes the colours of a frame in; `number` counts the frames from 1. Returns the gains that
     /// bring the frame's colours to what the map showed before.
     pub fn integrate(&mut self, frame: &Frame, number: u32) -> Vec3 {
+        if let Some(relief) = &mut self.relief {
+            relief.look(frame);
+        }
         let Some(image) = &frame.color else { return Vec3::ONE };
         self.place(frame, image);
         let gain = self.gain();
@@ -156,7 +188,24 @@ impl ColorField {
                     *seen = SeenColor::default();
                 }
             }
+            if let Some(relief) = &mut self.relief {
+                relief.forget(&self.band, block);
+            }
             self.changed.push(block);
+        }
+    }
+
+    /// Forgets the relief in a part of the world, of which something else was told than frames saw.
+    pub(super) fn flatten(&mut self, bounds: &Aabb) {
+        let Some(relief) = &mut self.relief else { return };
+        let (size, reach) = (self.band.scale.cell_m, Relief::truncation_m(self.band.scale));
+        let bounds = Aabb { min: bounds.min - reach, max: bounds.max + reach };
+        for (block, cell) in self.band.cells().iter().enumerate() {
+            let min = Vec3::from(cell.map(|c| c as f32)) * size;
+            if min.cmple(bounds.max).all() && (min + size).cmpge(bounds.min).all() {
+                relief.forget(&self.band, block as u32);
+                self.changed.push(block as u32);
+            }
         }
     }
 
@@ -215,6 +264,9 @@ impl ColorField {
                 let point = rotation * (k.direction(u as f32, v as f32) * z) + origin;
                 let place = self.band.scale.place(point);
                 let Some(block) = self.band.hold(&place) else { continue };
+                if self.relief.is_some() {
+                    self.band.hold_around(point, self.band.scale.spacing_m());
+                }
                 self.splats.push(Splat {
                     place,
                     block,
@@ -275,7 +327,7 @@ mod tests {
     }
 
     fn field() -> ColorField {
-        let mut field = ColorField::new(SCALE, 1);
+        let mut field = ColorField::new(SCALE, 1, Some(3));
         field.band.limit(100_000);
         field
     }
@@ -358,7 +410,7 @@ mod tests {
 
     #[test]
     fn at_the_bound_colours_are_refused_and_counted() {
-        let mut field = ColorField::new(SCALE, 1);
+        let mut field = ColorField::new(SCALE, 1, Some(3));
         field.band.limit(3);
         field.integrate(&wall(COLORS, 1.0), 1);
         assert_eq!(field.band.blocks(), 3);

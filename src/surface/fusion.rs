@@ -8,7 +8,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::color::ColorField;
-use super::evidence::{Carved, CellAddress, Evidence};
+use super::evidence::{BRICK_CELLS, Carved, CellAddress, Evidence};
 use super::lattice::{Lattice, NEAR_M};
 use super::noise::DepthNoise;
 use super::observe::observe;
@@ -16,7 +16,7 @@ use super::prior::{PriorChange, PriorField};
 use super::sight::Sight;
 use super::split;
 use super::surfel::{NO_SURFEL, SurfelMap, Told, Touch};
-use crate::config::MapConfig;
+use crate::config::{MapConfig, Prior};
 use crate::frame::Frame;
 use crate::octree::{Cell, NO_ROW, NodeSource, Topology, cell_of};
 
@@ -64,6 +64,10 @@ impl Surface {
     /// Nothing observed yet.
     pub fn new(config: &MapConfig) -> Self {
         let lattice = Lattice::new(config);
+        // What learns its distances from nothing is drawn from what it learned.
+        let log2_brick = u32::from(lattice.cell) + BRICK_CELLS.ilog2();
+        let log2_brick =
+            log2_brick.checked_sub(lattice.r0.into()).filter(|_| config.prior == Prior::Closed);
         Self {
             lattice,
             surfel_stride: config.surfel_stride,
@@ -73,7 +77,7 @@ impl Surface {
             evidence: Evidence::new(lattice.size_m(lattice.cell)),
             prior: PriorField::new(config.max_distance_m),
             color: ColorField::scale(config)
-                .map(|scale| ColorField::new(scale, config.radiance.stride)),
+                .map(|scale| ColorField::new(scale, config.radiance.stride, log2_brick)),
             ringed: Vec::new(),
             bricks_planted: 0,
         }
@@ -109,6 +113,10 @@ impl Surface {
                 pool.join(carve, paint)
             },
         );
+        if let Some(color) = color {
+            let bricks = carved.visited.iter().map(|brick| evidence.brick(*brick));
+            color.carve(frame, bricks, pool);
+        }
         tracing::trace!(observations, touched = touched.len(), "fused");
         let touched = self.index_new(touched);
         let unpainted = self.color.as_mut().map_or(0, |color| color.band.take_refused());

@@ -19,7 +19,7 @@ mod surfel;
 mod test_frame;
 mod witnesses;
 
-pub use color::{ColorField, ColorState, SeenColor};
+pub use color::{ColorField, ColorState, DISTANCE_STEP_M, SeenColor, SeenDistance};
 pub use evidence::{BRICK_CELLS, CELLS, Carved, CellAddress, Evidence, EvidenceState, Known};
 pub use forget::{Forget, Lost};
 pub use fusion::{Surface, SurfaceChange, SurfaceState};

@@ -55,6 +55,7 @@ impl Surface {
         let (lost, mut bricks) = self.take_out(&gone, topology);
         if let Some(field) = &mut self.color {
             field.forget(&lost);
+            field.flatten(&solid.bounds());
         }
         let mut told = Carved::default();
         let touched = match stamping {

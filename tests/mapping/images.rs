@@ -76,8 +76,8 @@ fn the_room_looks_like_the_room() {
                 "{renderer:?} {frame}: {mean} m, {middle} m in the middle, {psnr} dB, {covered} \
                  covered, {unknown} unknown"
             );
-            assert!(mean < 0.03 && middle < 0.003, "{found}");
-            assert!(psnr > 22.0 && covered > 0.98 && unknown < 0.2, "{found}");
+            assert!(mean < 0.01 && middle < 0.003, "{found}");
+            assert!(psnr > 26.0 && covered > 0.98 && unknown < 0.2, "{found}");
             image
         });
         let [ray, tile] = &images;

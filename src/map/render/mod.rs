@@ -11,6 +11,7 @@ mod heat;
 mod near;
 mod patch;
 mod ray;
+mod relief;
 #[cfg(test)]
 mod tests;
 mod tile;

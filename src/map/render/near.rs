@@ -19,7 +19,7 @@ pub(super) struct Near<'a> {
     /// log2 of the largest voxels that take light.
     pub log2_size: u8,
     /// How far a surface's light reaches, m.
-    mist_m: f32,
+    pub(super) mist_m: f32,
 }
 
 impl<'a> Near<'a> {

@@ -12,7 +12,7 @@ use crate::octree::Lookup;
 pub(super) const SIDE: u32 = 16;
 
 /// How far from a voxel's border a colour is read, in edges of the voxel.
-const RIM: f32 = 1e-4;
+pub(super) const RIM: f32 = 1e-4;
 /// How far along its ray a pixel looks for a colour, m.
 const BESIDE_M: f32 = 0.1;
 /// A sample that takes less of the light does not look beside itself for a colour.

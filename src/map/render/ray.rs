@@ -7,13 +7,14 @@ use glam::Vec3;
 
 use super::near::Near;
 use super::patch::{Area, Paint, Patch, Spot};
+use super::relief::Told;
 use super::unknown::Outlook;
 use super::{Job, RenderSettings, SamplePosition};
 use crate::map::view::Store;
 use crate::modality::density::{FAR, LEAST_LIGHT, middle, passes, place_of};
 use crate::modality::interpolation::Place;
 use crate::modality::read::{Sample, evaluate_samples};
-use crate::octree::{Segment, Traversal};
+use crate::octree::{NO_BLOCK, Segment, Traversal};
 
 /// A voxel is passed in pieces of at most this share of its edge: the field bends within a voxel.
 const PIECE: f32 = 0.5;
@@ -99,17 +100,27 @@ struct Round<'a> {
     /// What is asked in a round, and the answers.
     samples: Vec<Sample>,
     distances: Vec<f32>,
+    /// What the relief has told of each.
+    told: Vec<Told>,
 }
 
 impl<'a> Round<'a> {
     fn new(job: &'a Job<'a>) -> Self {
         let near = Near::new(job.view, job.settings.sharpness);
-        Self { job, store: near.store, near, samples: Vec::new(), distances: Vec::new() }
+        Self {
+            job,
+            store: near.store,
+            near,
+            samples: Vec::new(),
+            distances: Vec::new(),
+            told: Vec::new(),
+        }
     }
 
     /// Takes every ray one piece further; false if none had any left.
     fn advance(&mut self, walks: &mut [Walk<'a>], shares: &mut Vec<Share>) -> bool {
         self.samples.clear();
+        self.told.clear();
         for walk in walks.iter_mut().filter(|walk| !walk.is_done) {
             if walk.pieces == 0 && !self.next_voxel(walk) {
                 walk.is_done = true;
@@ -156,6 +167,8 @@ impl<'a> Round<'a> {
                 }
                 let size = self.size_m(&segment);
                 let length = (segment.t_out - segment.t_in) * walk.direction.length();
+                let has_relief = self.store.node(segment.node).block != NO_BLOCK;
+                let size = if has_relief { size.min(self.store.band.spacing_m()) } else { size };
                 walk.pieces = (length / (PIECE * size)).ceil().max(1.0) as u32;
                 (walk.segment, walk.t) = (segment, segment.t_in);
                 return true;
@@ -178,15 +191,23 @@ impl<'a> Round<'a> {
         Sample { node: segment.node, place: Place { offset_m, size_m: self.size_m(segment) } }
     }
 
+    fn told(&self, direction: Vec3, segment: &Segment, t: f32) -> Told {
+        let voxel = (segment.node, self.low_m(segment), self.size_m(segment));
+        Told::at(self.store, voxel, self.job.rays.eye + direction * t).unwrap_or_default()
+    }
+
     fn ask(&mut self, direction: Vec3, segment: &Segment, t: f32) {
-        let sample = self.sample(direction, segment, t);
-        self.samples.push(sample);
+        self.samples.push(self.sample(direction, segment, t));
+        self.told.push(self.told(direction, segment, t));
     }
 
     fn answer(&mut self) {
         self.distances.resize(self.samples.len(), 0.0);
         let decoders = &self.job.view.decoders;
         evaluate_samples(self.store, decoders, &self.samples, &mut self.distances, &mut []);
+        for (distance, told) in self.distances.iter_mut().zip(&self.told) {
+            *distance = told.distance(*distance);
+        }
     }
 
     /// Finds zero crossings in the field itself, by false position with the weights of Illinois.
@@ -194,6 +215,7 @@ impl<'a> Round<'a> {
         let crosses = |share: &&mut Share| share.bounds[0].1 > 0.0 && share.bounds[1].1 <= 0.0;
         for _ in 0..REFINEMENTS {
             self.samples.clear();
+            self.told.clear();
             for share in shares.iter_mut().filter(crosses) {
                 self.ask(walks[usize::from(share.pixel)].direction, &share.segment, share.t);
             }
@@ -244,13 +266,17 @@ impl<'a> Round<'a> {
             return;
         }
         self.samples.clear();
+        self.told.clear();
         for share in surfaces() {
             self.ask(walks[usize::from(share.pixel)].direction, &share.segment, share.t);
         }
-        let mut gradients = vec![Vec3::ZERO; self.samples.len()];
+        let n = self.samples.len();
+        let (mut distances, mut gradients) = (vec![0.0; n], vec![Vec3::ZERO; n]);
         let decoders = &self.job.view.decoders;
-        evaluate_samples(self.store, decoders, &self.samples, &mut [], &mut gradients);
-        for (share, gradient) in surfaces().zip(gradients) {
+        evaluate_samples(self.store, decoders, &self.samples, &mut distances, &mut gradients);
+        let found = self.told.iter().zip(distances).zip(gradients);
+        for (share, ((told, distance), gradient)) in surfaces().zip(found) {
+            let gradient = told.gradient(distance, gradient);
             let pixel = usize::from(share.pixel);
             let normal = gradient.normalize_or_zero();
             let towards = normal.dot(walks[pixel].direction) <= 0.0;

@@ -55,6 +55,7 @@ pub(super) fn put_surface<'a>(out: &mut Sections<'a>, state: &'a SurfaceState<'_
     if let Some(color) = &state.color {
         out.put_array(COLOR_CELLS, &color.cells)?;
         out.put_array(COLOR_SEEN, &color.seen)?;
+        out.put_array(RELIEF, &color.relief)?;
     }
     Ok(())
 }
@@ -80,7 +81,12 @@ pub(super) fn take_surface(
     has_one_robot: bool,
 ) -> Result<SurfaceState<'static>> {
     let color = if config.has("radiance") {
-        Some(ColorState { cells: owned(from, COLOR_CELLS)?, seen: owned(from, COLOR_SEEN)? })
+        let has_relief = from.tags().any(|tag| tag == RELIEF);
+        Some(ColorState {
+            cells: owned(from, COLOR_CELLS)?,
+            seen: owned(from, COLOR_SEEN)?,
+            relief: if has_relief { owned(from, RELIEF)? } else { Cow::default() },
+        })
     } else {
         None
     };

@@ -60,7 +60,11 @@ pub(super) const COLOR_MOMENTS: Tag = Tag(*b"CMOM");
 pub(super) const COLOR_STEPS: Tag = Tag(*b"CSTP");
 pub(super) const KEY_COLORS: Tag = Tag(*b"KCOL");
 pub(super) const KEY_GAINS: Tag = Tag(*b"KGAI");
-pub(super) const VIEW_TEXELS: Tag = Tag(*b"VTEX");
+/// Absent in files from before surfaces had a relief.
+pub(super) const RELIEF: Tag = Tag(*b"crel");
+/// Of files from before that; colours alone.
+pub(super) const VIEW_COLORS: Tag = Tag(*b"VTEX");
+pub(super) const VIEW_TEXELS: Tag = Tag(*b"vtex");
 pub(super) const LANGUAGE: Tag = Tag(*b"LCON");
 pub(super) const DICTIONARY: Tag = Tag(*b"LDIC");
 pub(super) const ATOMS: Tag = Tag(*b"LATM");
@@ -76,7 +80,7 @@ pub(super) const VIEWPOINTS: Tag = Tag(*b"vpts");
 pub(super) const VIEW: Tag = Tag(*b"VIEW");
 pub(super) const VIEW_ROWS: Tag = Tag(*b"VROW");
 
-pub(super) const ALL: [Tag; 69] = [
+pub(super) const ALL: [Tag; 71] = [
     KIND,
     CONFIG,
     PROGRESS,
@@ -132,6 +136,8 @@ pub(super) const ALL: [Tag; 69] = [
     COLOR_STEPS,
     KEY_COLORS,
     KEY_GAINS,
+    RELIEF,
+    VIEW_COLORS,
     VIEW_TEXELS,
     LANGUAGE,
     DICTIONARY,

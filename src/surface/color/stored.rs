@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::{ColorField, SeenColor};
+use super::{ColorField, SeenColor, SeenDistance};
 use crate::error::{Error, Result};
 use crate::octree::{Band, Cell};
 
@@ -12,12 +12,18 @@ pub struct ColorState<'a> {
     /// The cells of the blocks.
     pub cells: Cow<'a, [Cell]>,
     pub seen: Cow<'a, [SeenColor]>,
+    /// Empty where the band has none.
+    pub relief: Cow<'a, [SeenDistance]>,
 }
 
 impl ColorField {
     /// Everything that [`ColorField::with_state`] needs to go on as if it had not stopped.
     pub fn state(&self) -> ColorState<'_> {
-        ColorState { cells: Cow::Borrowed(self.band.cells()), seen: Cow::Borrowed(&self.seen) }
+        ColorState {
+            cells: Cow::Borrowed(self.band.cells()),
+            seen: Cow::Borrowed(&self.seen),
+            relief: Cow::Borrowed(self.relief()),
+        }
     }
 
     /// Takes up a stored state; every block counts as changed. `self` brings the settings.
@@ -25,6 +31,11 @@ impl ColorField {
         let damaged = || Error::corrupt("colours", "blocks and averages do not fit together");
         self.band = Band::with_cells(self.band.scale, &state.cells).ok_or_else(damaged)?;
         if state.seen.len() != self.band.rows() {
+            return Err(damaged());
+        }
+        if let Some(relief) = &mut self.relief
+            && !relief.fill(state.relief.into_owned(), &self.band)
+        {
             return Err(damaged());
         }
         self.seen = state.seen.into_owned();

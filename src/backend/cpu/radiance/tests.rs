@@ -27,8 +27,9 @@ fn painted(color: impl Fn(Vec3) -> Vec3) -> ColorField {
             seen.push(SeenColor { color: color(at).to_array(), weight: 1.0 });
         }
     }
-    let state = ColorState { cells: Cow::Borrowed(&cells), seen: Cow::Owned(seen) };
-    ColorField::new(SCALE, 1).with_state(state).expect("blocks and vertices")
+    let state =
+        ColorState { cells: Cow::Borrowed(&cells), seen: Cow::Owned(seen), relief: Cow::default() };
+    ColorField::new(SCALE, 1, None).with_state(state).expect("blocks and vertices")
 }
 
 /// Stripes across x and y, about as fine as the vertices can hold.

@@ -5,6 +5,7 @@ use rayon::ThreadPool;
 use rayon::prelude::*;
 
 use super::super::near::Near;
+use super::super::relief::Grid;
 use super::super::{Job, Rays};
 use crate::modality::RowSource;
 use crate::modality::interpolation::Place;
@@ -36,6 +37,8 @@ pub(super) struct Cube {
     pub host_low: Vec3,
     pub host_size: f32,
     pub rect: Rect,
+    /// Distances at its own corners, where the relief knows them.
+    relief: [f32; 8],
     /// With x from 0 to 1 across the voxel, corner k says c₀ + c₁ x + c₂ y + c₃ z: its distance and
     /// gradient. The distance is their trilinear mean.
     pub corners: [[f32; 4]; 8],
@@ -44,7 +47,13 @@ pub(super) struct Cube {
 /// The cubes of an image.
 pub(super) fn visible(job: &Job<'_>, pool: &ThreadPool) -> Vec<Cube> {
     let near = Near::new(job.view, job.settings.sharpness);
-    let mut walk = Walk { near, lens: Lens::new(&job.rays), eye: job.rays.eye, cubes: Vec::new() };
+    let mut walk = Walk {
+        near,
+        lens: Lens::new(&job.rays),
+        eye: job.rays.eye,
+        grid: Grid::default(),
+        cubes: Vec::new(),
+    };
     if let Some(root) = near.store.root() {
         walk.visit(root.node, root.min, root.log2_size);
     }
@@ -59,6 +68,8 @@ struct Walk<'a> {
     near: Near<'a>,
     lens: Lens,
     eye: Vec3,
+    /// The relief of the leaf in hand.
+    grid: Grid,
     cubes: Vec<Cube>,
 }
 
@@ -98,15 +109,49 @@ impl Walk<'_> {
         }
         // Planes are of whole units, so that neighbours agree on them to the bit.
         let size = 1i32 << cube.1;
-        self.cubes.push(Cube {
+        let leaf = Cube {
             low: self.place(cube.0),
             high: self.place(cube.0.map(|c| c.wrapping_add(size))),
             node: host.0,
             host_low: self.place(host.1),
             host_size: self.near.size_m(host.2),
             rect,
+            relief: [f32::NAN; 8],
             corners: [[0.0; 4]; 8],
-        });
+        };
+        let mut grid = std::mem::take(&mut self.grid);
+        if grid.read(self.near.store, host.0, cube) {
+            self.emit_cells(&leaf, &grid, [0; 3], grid.side);
+        } else {
+            self.cubes.push(leaf);
+        }
+        self.grid = grid;
+    }
+
+    /// The cells of the relief in a part of a leaf, from `at` on, `side` along an edge.
+    fn emit_cells(&mut self, leaf: &Cube, grid: &Grid, at: [usize; 3], side: usize) {
+        let place = |at: [usize; 3]| grid.place(at) - self.eye;
+        if side > 1 {
+            let half = side / 2;
+            let first = place(at.map(|c| c + half)).cmple(Vec3::ZERO).bitmask() as usize;
+            for step in 0..8 {
+                let octant = first ^ step;
+                let at = std::array::from_fn(|axis| at[axis] + (octant >> axis & 1) * half);
+                self.emit_cells(leaf, grid, at, half);
+            }
+            return;
+        }
+        let relief = grid.corners(at);
+        let nearest = relief.iter().fold(f32::INFINITY, |least, d| least.min(d.abs()));
+        let is_known = relief.iter().all(|d| !d.is_nan());
+        let is_crossed = relief.iter().any(|d| *d > 0.0) && relief.iter().any(|d| *d < 0.0);
+        if is_known && !is_crossed && nearest > self.near.mist_m {
+            return;
+        }
+        let (low, high) = (place(at), place(at.map(|c| c + 1)));
+        if let Some(rect) = self.lens.rect(low, high.x - low.x) {
+            self.cubes.push(Cube { low, high, rect, relief, ..*leaf });
+        }
     }
 }
 
@@ -173,7 +218,7 @@ impl Lens {
 fn read_corners(job: &Job<'_>, cubes: &mut [Cube]) {
     let store = &job.view.store;
     let (mut samples, mut learned) = (Vec::new(), Vec::new());
-    for (i, cube) in cubes.iter_mut().enumerate() {
+    for (i, cube) in cubes.iter_mut().enumerate().filter(|(_, cube)| !cube.is_fine()) {
         let mut has_learned = false;
         let size = cube.host_size;
         for (k, &row) in store.corners(cube.node).iter().enumerate() {
@@ -199,7 +244,7 @@ fn read_corners(job: &Job<'_>, cubes: &mut [Cube]) {
         }
     }
     // From the corner's own origin to the voxel's.
-    for cube in cubes {
+    for cube in cubes.iter_mut().filter(|cube| !cube.is_fine()) {
         for (k, corner) in cube.corners.iter_mut().enumerate() {
             for axis in 0..3 {
                 if k >> axis & 1 == 1 {
@@ -208,9 +253,33 @@ fn read_corners(job: &Job<'_>, cubes: &mut [Cube]) {
             }
         }
     }
+    cubes.iter_mut().for_each(Cube::refine);
 }
 
 impl Cube {
+    /// Whether the relief knows all of it.
+    fn is_fine(&self) -> bool {
+        self.relief.iter().all(|d| !d.is_nan())
+    }
+
+    /// Reads the relief instead of the leaf from here on. Where the relief knows nothing of a corner,
+    /// the leaf says what is there.
+    fn refine(&mut self) {
+        if self.relief.iter().all(|d| d.is_nan()) {
+            return;
+        }
+        let size = self.high - self.low;
+        let corners = std::array::from_fn(|k| {
+            let upper = Vec3::from([0, 1, 2].map(|axis| (k >> axis & 1) as f32));
+            let known = Some(self.relief[k]).filter(|d| !d.is_nan());
+            let distance =
+                known.unwrap_or_else(|| self.distance_and_gradient(self.low + upper * size).0);
+            [distance, 0.0, 0.0, 0.0]
+        });
+        self.corners = corners;
+        (self.host_low, self.host_size) = (self.low, size.x);
+    }
+
     /// Distance at a point from the eye, and its gradient in world axes.
     pub(super) fn distance_and_gradient(&self, at: Vec3) -> (f32, Vec3) {
         let x = (at - self.host_low) / self.host_size;
