@@ -16,7 +16,7 @@ const TOUCH: f32 = 1e-4;
 /// The least |direction| along an axis, so that its inverse is a number.
 const LEAST_DIRECTION: f32 = 1e-9;
 /// A sample that takes less of the light is not looked up.
-const LEAST_WEIGHT: f32 = 0.01;
+const LEAST_WEIGHT: f32 = 5e-3;
 /// Steps of the search for a zero crossing.
 const REFINEMENTS: usize = 2;
 
