@@ -5,7 +5,7 @@ use std::sync::Arc;
 use bytemuck::{Pod, Zeroable};
 use glam::{IVec3, Mat3, Vec3};
 
-use crate::frame::{Frame, MAX_DEPTH_M};
+use crate::frame::Frame;
 use crate::geometry::MAX_COORDINATE_M;
 use crate::octree::{cell_of, pack};
 
@@ -151,7 +151,7 @@ impl KeyFrame {
             && self.world_from_camera.is_finite()
             && self.camera.iter().all(|x| x.is_finite())
             && self.gain.is_finite()
-            && self.pixels.iter().all(|pixel| (0.0..=MAX_DEPTH_M).contains(&pixel.z))
+            && self.pixels.iter().all(|pixel| (0.0..=reach).contains(&pixel.z))
     }
 
     pub(super) fn bytes(&self) -> usize {

@@ -15,7 +15,7 @@ use orenx::service::{
 use orenx::wire::{IncomingFrame, frame_to_wire, read_message, v1};
 use prost::Message;
 
-use super::server::{Server, renew, with};
+use super::server::{Server, note_change, with};
 use super::{Layout, Target, kind_of, of_kind, questions, scene};
 
 pub(super) const TARGET: Target =
@@ -72,14 +72,14 @@ const KINDS: [fn(&Server, &[u8]) -> Result<()>; 16] = [
         let message = read_message::<v1::ClearRegionRequest>(bytes)?;
         let map_id = message.map_id.clone();
         s.wait(s.service.edit_map(&map_id, Edit::Clear(message.try_into()?)))?;
-        renew();
+        note_change();
         Ok(())
     },
     |s, bytes| {
         let message = read_message::<v1::StampGeometryRequest>(bytes)?;
         let map_id = message.map_id.clone();
         s.wait(s.service.edit_map(&map_id, Edit::Stamp(message.try_into()?)))?;
-        renew();
+        note_change();
         Ok(())
     },
     |s, bytes| {
@@ -137,7 +137,7 @@ pub(super) fn submit(server: &Server, incoming: IncomingFrame) -> Result<()> {
 
 fn frame(server: &Server, bytes: &[u8]) -> Result<()> {
     submit(server, IncomingFrame::try_from(read_message::<v1::Frame>(bytes)?)?)?;
-    renew();
+    note_change();
     Ok(())
 }
 

@@ -6,7 +6,7 @@ use axum::http::{HeaderName, HeaderValue, Method, Request, Response, StatusCode,
 use http_body_util::BodyExt;
 use tower_service::Service;
 
-use super::server::{Server, renew, with};
+use super::server::{Server, note_change, with};
 use super::{Layout, Target};
 
 pub(super) const TARGET: Target =
@@ -35,7 +35,7 @@ fn read(input: &[u8]) -> bool {
     let status = with(|server| {
         let status = server.wait(answer(server, request));
         if status.is_success() && !asks {
-            renew();
+            note_change();
         }
         status
     });

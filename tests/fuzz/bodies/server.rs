@@ -1,6 +1,6 @@
 //! A server without ports, with a small map, for each thread that asks.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::sync::Arc;
 
 use axum::Router;
@@ -29,19 +29,25 @@ thread_local! {
 pub(super) fn with<T>(ask: impl FnOnce(&Server) -> T) -> T {
     let server = SERVER.take().unwrap_or_else(Server::start);
     let answer = ask(&server);
-    if !RENEW.take() {
+    if CHANGES.get() < MOST_CHANGES {
         SERVER.set(Some(server));
+    } else {
+        CHANGES.set(0);
     }
     answer
 }
 
+/// Changes that a map sees before it gives way to a new one. Starting a server takes longer than a
+/// thousand questions.
+const MOST_CHANGES: u32 = 32;
+
 thread_local! {
-    static RENEW: std::cell::Cell<bool> = const { std::cell::Cell::new(false) };
+    static CHANGES: Cell<u32> = const { Cell::new(0) };
 }
 
-/// The map has changed: the next input gets a new one, so that it finds what every input finds.
-pub(super) fn renew() {
-    RENEW.set(true);
+/// The map has changed.
+pub(super) fn note_change() {
+    CHANGES.set(CHANGES.get() + 1);
 }
 
 impl Server {
