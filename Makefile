@@ -5,6 +5,8 @@
 #   make lint   format, clippy, docs, dependencies, spelling; types and style of the dashboard and of the
 #               Python client; the files of deploy/
 #   make web    the dashboard alone: `cargo build` takes it in
+#   make fuzz   inputs that might break the readers of what comes from outside (tests/fuzz/README.md):
+#               FUZZ_SECONDS, 300 by default, for each of nine targets
 
 # Recorded scenes for the tests that want them; a test without its data says that it is skipped.
 ORENX_TEST_DATA ?= ../shared/data
@@ -19,7 +21,7 @@ WEB_PAGE := $(WEB)/dist/index.html
 WEB_SOURCES := $(shell find $(WEB)/src $(WEB)/build -type f) $(WEB)/index.html $(WEB)/vite.config.ts \
 	$(WEB)/tsconfig.json $(WEB)/package.json $(WEB)/package-lock.json
 
-.PHONY: demo test lint web setup setup-demo setup-test setup-lint
+.PHONY: demo test lint web fuzz setup setup-demo setup-test setup-lint setup-fuzz
 .DEFAULT_GOAL := demo
 
 demo: setup-demo $(WEB_PAGE)
@@ -40,6 +42,7 @@ test: setup-test $(WEB_PAGE)
 lint: setup-lint $(WEB_PAGE)
 	cd $(WEB) && npm run check && npm run lint
 	cargo fmt --check
+	cargo fmt --check --manifest-path tests/fuzz/Cargo.toml
 	cargo clippy $(CARGO_FLAGS) --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc $(CARGO_FLAGS) --no-deps --document-private-items
 	target/tools/bin/cargo-deny --locked check bans licenses sources
@@ -49,6 +52,9 @@ lint: setup-lint $(WEB_PAGE)
 	deploy/lint
 
 web: setup $(WEB_PAGE)
+
+fuzz: setup-fuzz $(WEB_PAGE)
+	tests/fuzz/run
 
 # Tools come first, where they are not there yet.
 $(WEB_PAGE): $(WEB_SOURCES) $(WEB)/node_modules/.package-lock.json
@@ -68,3 +74,6 @@ setup-test:
 
 setup-lint:
 	.ci/setup lint
+
+setup-fuzz:
+	.ci/setup fuzz

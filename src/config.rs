@@ -319,6 +319,7 @@ impl MapConfig {
                 "the size of voxels lies outside of its limits",
             ));
         }
+        self.check_numbers()?;
         let radiance = &self.radiance;
         if radiance.log2_side > 3
             || radiance.stride == 0

@@ -13,6 +13,7 @@ mod bad_files; // damaged maps, points, recordings and settings on the command l
 mod bench_command; // what `orenx bench serve` and `planner` measure
 mod dashboard; // the page in a browser: it grows, answers, and survives a killed server
 mod eval_language; // what `orenx eval` says of classes in a labelled house
+mod fuzz; // what the fuzzer found, read once more
 mod house; // the rules of the house held against its files: floors, names, sizes
 mod http; // the same server over HTTP: probes, answers, bad input, the document
 mod map_command; // what `orenx map` says to bad input

@@ -2,7 +2,8 @@
 
 use std::fmt::Debug;
 
-use super::{BackendChoice, MapConfig, MapSettings};
+use super::{BackendChoice, MODALITIES, MapConfig, MapSettings};
+use crate::error::{Error, Result};
 
 /// A setting that a stored map keeps although the current settings say otherwise.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -87,6 +88,52 @@ impl MapConfig {
     }
 }
 
+impl MapConfig {
+    /// Refuses stored numbers that no settings give and that code relies on: by what is divided, how
+    /// much is allocated, and how far is searched. The widths of decoders are checked where they are
+    /// made.
+    pub(super) fn check_numbers(&self) -> Result<()> {
+        let whole = [
+            ("memory_mib", self.memory_mib, 1..=1 << 20),
+            ("surfel_stride", self.surfel_stride, 1..=1024),
+            ("carve_stride", self.carve_stride, 1..=1024),
+            ("rays_per_step", self.rays_per_step, 1..=1 << 16),
+            ("steps_per_frame", self.steps_per_frame, 0..=1000),
+            ("window", self.window, 1..=1024),
+            ("key_frame_pixels", self.key_frame_pixels, 1..=1 << 20),
+            ("key_frame_mib", self.key_frame_mib, 0..=1 << 20),
+        ];
+        let real = [
+            ("frame_budget_ms", self.frame_budget_ms, 1.0..=10_000.0),
+            ("split_error_m", self.split_error_m, 1e-4..=1.0),
+            ("surfel_size_m", self.surfel_size_m, 1e-3..=1.0),
+            ("max_distance_m", self.max_distance_m, 0.1..=100.0),
+            ("eikonal_share", self.eikonal_share, 0.0..=1.0),
+            ("learning_rate", self.learning_rate, 0.0..=1.0),
+            ("occupancy_learning_rate", self.occupancy_learning_rate, 0.0..=1.0),
+            ("decoder_learning_rate", self.decoder_learning_rate, 0.0..=1.0),
+            ("key_frame_iou", self.key_frame_iou, 0.0..=2.0),
+        ];
+        let wrong = |name: &str, value: &dyn std::fmt::Display| {
+            let problem = format!("{name} of {value} lies outside of its limits");
+            Err(Error::corrupt("settings", problem))
+        };
+        if let Some((name, value, _)) = whole.into_iter().find(|(_, n, range)| !range.contains(n)) {
+            return wrong(name, &value);
+        }
+        if let Some((name, value, _)) = real.into_iter().find(|(_, x, range)| !range.contains(x)) {
+            return wrong(name, &value);
+        }
+        if !(-4..=0).contains(&self.finest_level) {
+            return wrong("finest_level", &self.finest_level);
+        }
+        match self.modalities.iter().find(|name| !MODALITIES.contains(&name.as_str())) {
+            Some(name) => wrong("modality", &name.chars().take(64).collect::<String>()),
+            None => Ok(()),
+        }
+    }
+}
+
 fn kept<T: PartialEq + Debug>(field: &'static str, stored: T, current: T) -> Option<Kept> {
     // Values are shown as the settings file writes them.
     let text = |value: &T| format!("{value:?}").trim_matches('"').to_lowercase();
@@ -108,6 +155,35 @@ mod tests {
     fn settings_come_back() {
         let full = config(|s| (s.profile, s.steps, s.seed) = (Profile::Full, Some(9), 4));
         assert_eq!(MapConfig::from_settings(&full.settings()).expect("valid"), full);
+    }
+
+    #[test]
+    fn numbers_that_no_settings_give_are_refused_by_name() {
+        for settings in [
+            MapSettings::default(),
+            MapSettings { profile: Profile::Full, ..MapSettings::default() },
+        ] {
+            let config = MapConfig::from_settings(&settings).expect("valid settings");
+            assert_eq!(config.clone().checked().expect("our own"), config);
+        }
+        type Spoil = fn(&mut MapConfig);
+        let cases: [(&str, Spoil); 9] = [
+            ("surfel_stride of 0", |c| c.surfel_stride = 0),
+            ("carve_stride of 0", |c| c.carve_stride = 0),
+            ("key_frame_pixels of 0", |c| c.key_frame_pixels = 0),
+            ("rays_per_step of 4294967295", |c| c.rays_per_step = u32::MAX),
+            ("surfel_size_m of NaN", |c| c.surfel_size_m = f32::NAN),
+            ("max_distance_m of inf", |c| c.max_distance_m = f32::INFINITY),
+            ("finest_level of -5", |c| c.finest_level = -5),
+            ("memory_mib of 0", |c| c.memory_mib = 0),
+            ("modality of smell", |c| c.modalities.push("smell".into())),
+        ];
+        for (words, spoil) in cases {
+            let mut config = config(|_| {});
+            spoil(&mut config);
+            let error = config.checked().expect_err(words).to_string();
+            assert!(error.contains(words), "{error}");
+        }
     }
 
     #[test]

@@ -3,6 +3,8 @@
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
+use super::MAX_COORDINATE_M;
+
 /// An axis-aligned box, `min <= max` on every axis, in world metres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Aabb {
@@ -33,6 +35,13 @@ impl Aabb {
     /// Whether no point lies inside.
     pub fn is_empty(&self) -> bool {
         self.min.cmpgt(self.max).any()
+    }
+
+    /// Whether it is empty, or lies where maps lie.
+    pub fn is_within_reach(&self) -> bool {
+        let reach = 2.0 * MAX_COORDINATE_M as f32;
+        let is_near = |corner: Vec3| corner.is_finite() && corner.abs().max_element() <= reach;
+        *self == Self::EMPTY || (is_near(self.min) && is_near(self.max))
     }
 
     /// The edge lengths, m.

@@ -119,14 +119,15 @@ impl Encoding {
         Err(Error::invalid(field, problem))
     }
 
-    /// The most bytes that an image takes, but for headers.
+    /// The most bytes that an image takes, but for headers; of a size that nobody has checked, as many
+    /// as can be said.
     pub fn bound(self, output: Output, pixels: usize) -> usize {
         let bytes = match (self, output) {
             (Self::F32, _) => 4,
             (Self::Png, Output::Depth) => 2,
             _ => 1,
         };
-        pixels * output.width() * bytes
+        pixels.saturating_mul(output.width() * bytes)
     }
 }
 
@@ -213,6 +214,12 @@ mod tests {
     use image::DynamicImage;
 
     use super::*;
+
+    #[test]
+    fn a_size_that_no_image_has_takes_as_much_as_can_be_said() {
+        assert_eq!(Encoding::F32.bound(Output::Color, 10), 120);
+        assert_eq!(Encoding::F32.bound(Output::Color, usize::MAX / 2), usize::MAX);
+    }
 
     fn rendering() -> Rendering {
         Rendering {

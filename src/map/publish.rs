@@ -158,9 +158,11 @@ impl Mapper {
             let i = node as usize % NODES;
             page.children[i] = self.topology.children(node);
             let low = self.topology.min_m(node);
-            let brick = self.surface.evidence.find(low + 0.5 * self.topology.size_m(node));
             let corners = *self.topology.corners(node);
             let carries = corners[0] != NO_ROW;
+            // A slot without a node has no size.
+            let middle = || low + 0.5 * self.topology.size_m(node);
+            let brick = carries.then(middle).and_then(|at| self.surface.evidence.find(at));
             let (cell, log2_size) = (self.topology.low_corner(node), self.topology.log2_size(node));
             let color = self.surface.color.as_ref().filter(|_| carries && log2_size <= r0);
             let block = color.and_then(|color| color.band.find(cell.map(|c| c >> r0)));
@@ -169,7 +171,7 @@ impl Mapper {
                 language.and_then(|language| language.band.find(cell.map(|c| c >> code_cell)));
             page.nodes[i] = Node {
                 corners,
-                brick: brick.filter(|_| carries).map_or(NO_NODE, |b| b.brick),
+                brick: brick.map_or(NO_NODE, |b| b.brick),
                 block: block.unwrap_or(NO_BLOCK),
                 code_block: code_block.unwrap_or(NO_BLOCK),
                 low: cell,

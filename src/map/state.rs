@@ -17,9 +17,14 @@ use crate::geometry::Aabb;
 use crate::modality::language::{LanguageField, LanguageState};
 use crate::modality::radiance::Texel;
 use crate::modality::{Decoders, Row, occupancy, sdf};
-use crate::octree::{Band, Cell, ChildLink, NO_BLOCK, NO_NODE, NO_ROW, Root, TopologyState};
+use crate::octree::{
+    Band, Cell, ChildLink, NO_BLOCK, NO_NODE, NO_ROW, Root, StoredNodes, TopologyState,
+};
 use crate::surface::{Known, Lattice, SurfaceState};
 use crate::train::KeyFramesState;
+
+/// More than any map counts of anything: that many nanoseconds are 36 years.
+const MAX_COUNT: u64 = 1 << 60;
 
 /// How far a map has come.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -70,6 +75,10 @@ impl Mapper {
     pub fn from_state(config: MapConfig, state: MapperState<'_>) -> Result<Self> {
         let mut mapper = Self::without_given(config, 0)?;
         mapper.stats = state.progress.stats;
+        let MapStats { epoch, frames, frames_empty, steps, .. } = mapper.stats;
+        if [epoch, frames, frames_empty, steps].iter().any(|count| *count > MAX_COUNT) {
+            return Err(Error::corrupt("progress", "counts are larger than any that was written"));
+        }
         mapper.newest_stamp_ns = state.progress.newest_stamp_ns;
         mapper.idle_steps = state.progress.idle_steps;
         mapper.changed = state.progress.changed;
@@ -180,8 +189,8 @@ impl MapView {
 
     /// A view from a stored state.
     pub fn from_state(config: MapConfig, state: ViewState) -> Result<Self> {
-        check(&state)?;
         let lattice = Lattice::new(&config);
+        check(&state, lattice.brick)?;
         let record = state.record;
         let mut store = Store {
             root: record.root,
@@ -251,23 +260,121 @@ impl MapView {
 }
 
 /// Every index in a stored view refers to something that is there.
-fn check(state: &ViewState) -> Result<()> {
-    let (slots, rows, bricks) = (state.children.len(), state.rows.len(), state.known.len());
-    let nodes = [
-        state.corners.len(),
-        state.low_corners.len(),
-        state.log2_sizes.len(),
-        state.node_bricks.len(),
-    ];
-    let row_exists = |r: &u32| *r == NO_ROW || (*r as usize) < rows;
-    let child_exists = |l: &ChildLink| l & 0xff == 0 || (*l >> 8) as usize * 8 + 7 < slots;
+fn check(state: &ViewState, coarsest_log2: u8) -> Result<()> {
+    let (rows, bricks) = (state.rows.len(), state.known.len());
+    let nodes = StoredNodes {
+        root: state.record.root,
+        children: &state.children,
+        corners: &state.corners,
+        low_corners: &state.low_corners,
+        log2_sizes: &state.log2_sizes,
+    };
     let brick_exists = |b: &u32| *b == NO_NODE || (*b as usize) < bricks;
-    let fits = nodes.iter().all(|&n| n == slots)
-        && state.corners.iter().flatten().all(row_exists)
-        && state.children.iter().all(child_exists)
+    let fits = nodes.count(coarsest_log2, |row, _| (row as usize) < rows).is_some()
+        && state.node_bricks.len() == state.children.len()
         && state.node_bricks.iter().all(brick_exists)
-        && state.viewpoints.iter().all(Viewpoint::is_finite)
-        && state.log2_sizes.iter().all(|&s| s == u8::MAX || s <= 30)
-        && state.record.root.is_none_or(|r| (r.node as usize) < slots && r.log2_size <= 30);
+        && state.record.bounds.is_none_or(|bounds| bounds.is_within_reach())
+        && state.viewpoints.iter().all(Viewpoint::is_finite);
     if fits { Ok(()) } else { Err(Error::corrupt("view", "columns do not fit together")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::MapSettings;
+    use crate::dataset::Dataset;
+    use crate::dataset::synthetic::Synthetic;
+    use crate::octree::LIMIT;
+
+    fn mapper() -> Mapper {
+        let settings = MapSettings { r0_m: 0.4, steps: Some(0), ..MapSettings::default() };
+        let config = MapConfig::from_settings(&settings).expect("valid settings");
+        let mut mapper = Mapper::new(config).expect("an empty map");
+        let room = Synthetic::room(100).with_width(16);
+        for index in [0, 50] {
+            mapper.integrate(&room.load(index, true).expect("a frame")).expect("taken");
+        }
+        mapper
+    }
+
+    /// A node that has children, and one that has none.
+    fn parent_and_leaf(children: &[ChildLink], log2_sizes: &[u8]) -> (usize, usize) {
+        let parent = (1..children.len()).find(|node| children[*node] != 0).expect("a parent");
+        let is_leaf = |node: &usize| children[*node] == 0 && log2_sizes[*node] != u8::MAX;
+        (parent, (0..children.len()).find(is_leaf).expect("a leaf"))
+    }
+
+    #[test]
+    fn a_map_that_could_be_walked_for_ever_is_refused_by_name() {
+        type Spoil = fn(&mut MapperState<'_>);
+        let cases: [(&str, Spoil); 16] = [
+            ("octree", |s| {
+                let (parent, leaf) = parent_and_leaf(&s.topology.children, &s.topology.log2_sizes);
+                s.topology.children.to_mut()[leaf] = s.topology.children[parent];
+            }),
+            ("octree", |s| s.topology.children.to_mut()[0] |= 0xff << 24),
+            ("octree", |s| s.topology.log2_sizes.to_mut()[0] += 1),
+            ("octree", |s| {
+                let (parent, _) = parent_and_leaf(&s.topology.children, &s.topology.log2_sizes);
+                s.topology.low_corners.to_mut()[parent][1] += 1;
+            }),
+            ("octree", |s| s.topology.vertices.to_mut()[3][0] += 1),
+            ("octree", |s| s.topology.voxels += 1),
+            ("surfels", |s| {
+                let link = &mut s.surface.surfels.links.to_mut()[0];
+                link.next_in_cell = 0;
+            }),
+            ("surfels", |s| s.surface.surfels.free.to_mut().push(u32::MAX)),
+            ("surfels", |s| s.surface.surfels.free.to_mut().push(0)),
+            ("surfels", |s| s.surface.surfels.surfels.to_mut()[0].position.y = f32::NAN),
+            ("surfels", |s| {
+                let twin = s.surface.surfels.surfels[1];
+                s.surface.surfels.surfels.to_mut()[0] = twin;
+            }),
+            ("evidence", |s| s.surface.evidence.bricks.to_mut()[0][2] = LIMIT),
+            ("evidence", |s| s.surface.evidence.log_odds.to_mut()[0] = i8::MAX),
+            ("prior", |s| {
+                let row = s.surface.prior.nearest.iter().position(|id| *id != u32::MAX);
+                let row = row.expect("a row near a surface");
+                s.surface.prior.next.to_mut()[row] = row as u32;
+            }),
+            ("key frames", |s| s.key_frames.pixels[0].z = f32::NAN),
+            ("progress", |s| s.progress.stats.epoch = u64::MAX),
+        ];
+        let mapper = mapper();
+        let again = |state| Mapper::from_state(mapper.config().clone(), state);
+        again(mapper.state().expect("a state")).expect("whole");
+        for (number, (part, spoil)) in cases.into_iter().enumerate() {
+            let mut state = mapper.state().expect("a state");
+            spoil(&mut state);
+            let error = again(state).err().unwrap_or_else(|| panic!("{number}: {part}"));
+            assert!(error.to_string().starts_with(part), "{number}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_view_whose_nodes_make_no_tree_is_refused() {
+        let view = mapper().publish_all().expect("a view");
+        let again = |state| MapView::from_state(view.config().clone(), state);
+        again(view.state()).expect("whole");
+        type Spoil = fn(&mut ViewState);
+        let cases: [Spoil; 4] = [
+            |s| {
+                let (parent, leaf) = parent_and_leaf(&s.children, &s.log2_sizes);
+                s.children[leaf] = s.children[parent];
+            },
+            |s| {
+                let at = s.corners.iter().position(|rows| rows[0] != NO_ROW).expect("rows");
+                s.corners[at][7] = NO_ROW;
+            },
+            |s| s.children.push(0),
+            |s| s.record.root = None,
+        ];
+        for (number, spoil) in cases.into_iter().enumerate() {
+            let mut state = view.state();
+            spoil(&mut state);
+            let error = again(state).err().unwrap_or_else(|| panic!("{number}"));
+            assert!(error.to_string().starts_with("view"), "{number}: {error}");
+        }
+    }
 }

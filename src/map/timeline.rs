@@ -40,7 +40,7 @@ impl Timeline {
 
     /// Counts a change by hand as a frame.
     pub(super) fn count_edit(&mut self) {
-        self.edits += 1;
+        self.edits = self.edits.saturating_add(1);
     }
 
     /// Notes when a frame was taken.

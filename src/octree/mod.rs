@@ -9,6 +9,7 @@ mod key;
 mod lookup;
 #[cfg(test)]
 mod random_tree;
+mod sound;
 mod topology;
 mod traverse;
 
@@ -16,6 +17,7 @@ pub use band::{Band, BandPlace, BandScale, NO_BLOCK, NO_VERTEX, Uppers, sum_of_o
 pub use blocks::{Block, PointGrid};
 pub use key::{Cell, LIMIT, cell_of, pack};
 pub use lookup::{ChildLink, Found, Located, Lookup, NodeSource, Root, locate};
+pub use sound::StoredNodes;
 pub use topology::{NO_NODE, NO_ROW, Topology, TopologyState};
 pub use traverse::{Segment, Traversal};
 

@@ -7,6 +7,7 @@ use rustc_hash::FxHashMap;
 
 use super::key::{Cell, LIMIT, pack};
 use super::lookup::{ChildLink, NodeSource, Root};
+use super::sound::{StoredNodes, is_same_place};
 use crate::error::{Error, Result};
 
 /// No vertex row.
@@ -90,21 +91,23 @@ impl Topology {
 
     /// Takes up a stored state; every node counts as changed. `self` brings the settings.
     pub fn with_state(mut self, state: TopologyState<'_>) -> Result<Self> {
-        let slots = state.children.len();
-        let rows = state.vertices.len();
-        let lengths = [state.corners.len(), state.low_corners.len(), state.log2_sizes.len()];
-        let row_exists = |r: &u32| *r == NO_ROW || (*r as usize) < rows;
-        let child_exists = |l: &ChildLink| l & 0xff == 0 || (*l >> 8) as usize * 8 + 7 < slots;
-        if lengths.iter().any(|&l| l != slots)
-            || !state.corners.iter().flatten().all(row_exists)
-            || !state.children.iter().all(child_exists)
-            || state.root.is_some_and(|r| r.node as usize >= slots || r.log2_size > 30)
-        {
-            return Err(Error::corrupt("octree", "nodes refer to what is not there"));
+        let (slots, rows) = (state.children.len(), state.vertices.len());
+        let nodes = StoredNodes {
+            root: state.root,
+            children: &state.children,
+            corners: &state.corners,
+            low_corners: &state.low_corners,
+            log2_sizes: &state.log2_sizes,
+        };
+        let is_row = |row: u32, place: Cell| {
+            state.vertices.get(row as usize).is_some_and(|vertex| is_same_place(*vertex, place))
+        };
+        if nodes.count(self.coarsest_log2, is_row) != Some(state.voxels) {
+            return Err(Error::corrupt("octree", "nodes do not make a tree"));
         }
         self.root = state.root;
         self.voxels = state.voxels;
-        self.refused = state.refused;
+        self.refused = state.refused.min(u64::MAX >> 1);
         self.children = state.children.into_owned();
         self.corners = state.corners.into_owned();
         self.low_corners = state.low_corners.into_owned();
@@ -117,6 +120,9 @@ impl Topology {
         }
         let keys = self.vertices.iter().enumerate();
         self.row_of = keys.map(|(row, &v)| (pack(v), row as u32)).collect();
+        if self.row_of.len() != rows {
+            return Err(Error::corrupt("octree", "two vertices are at one place"));
+        }
         self.positions = self.vertices.iter().map(|&v| lattice_point(v) * self.unit_m).collect();
         self.incident = vec![[NO_NODE; 8]; rows];
         for node in 0..slots as u32 {
@@ -482,7 +488,7 @@ fn octant_of(offset: [u32; 3], bit: u8) -> u32 {
 }
 
 #[inline]
-fn corner_of(low: Cell, corner: u32, log2: u8) -> Cell {
+pub(super) fn corner_of(low: Cell, corner: u32, log2: u8) -> Cell {
     std::array::from_fn(|axis| low[axis] + (((corner >> axis & 1) as i32) << log2))
 }
 

@@ -22,7 +22,7 @@ mod watch;
 mod zenoh;
 
 pub use entrance::check_files;
-pub use http::Door;
 pub(crate) use http::Found;
+pub use http::{Door, routes_of as http_routes};
 pub use listeners::Listeners;
 pub use run::run;

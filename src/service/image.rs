@@ -66,7 +66,8 @@ impl ImageQuestion {
     /// The most bytes that the answer takes.
     pub fn bytes(&self) -> usize {
         let pixels = self.camera.intrinsics.pixels();
-        self.images.iter().map(|kind| kind.encoding.bound(kind.output, pixels)).sum()
+        let images = self.images.iter().map(|kind| kind.encoding.bound(kind.output, pixels));
+        images.fold(0, usize::saturating_add)
     }
 
     /// Refuses what no map could answer.

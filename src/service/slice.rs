@@ -78,7 +78,8 @@ impl SliceQuestion {
         let cells = (region.size().truncate() / self.resolution_m - LEAST_SHARE).ceil();
         let cells = cells.max(Vec2::ONE).as_uvec2();
         let heights = self.heights();
-        let looks = u64::from(cells.x) * u64::from(cells.y) * heights.len() as u64;
+        let cells_of_one = u64::from(cells.x) * u64::from(cells.y);
+        let looks = cells_of_one.saturating_mul(heights.len() as u64);
         let what = format!("{} × {} cells at {} heights", cells.x, cells.y, heights.len());
         check_count("region", &what, looks, max_points)?;
         let origin = region.min.truncate();

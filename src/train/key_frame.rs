@@ -6,6 +6,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{IVec3, Mat3, Vec3};
 
 use crate::frame::Frame;
+use crate::geometry::MAX_COORDINATE_M;
 use crate::octree::{cell_of, pack};
 
 /// Edge length of the blocks that selection counts, m.
@@ -140,6 +141,17 @@ impl KeyFrame {
             }
         }
         both as f32 / (a.len() + b.len() - both).max(1) as f32
+    }
+
+    /// Whether its numbers are those of a camera and of what it saw.
+    pub(super) fn is_finite(&self) -> bool {
+        let reach = 2.0 * MAX_COORDINATE_M as f32;
+        self.origin.abs().max_element() <= reach
+            && self.origin.is_finite()
+            && self.world_from_camera.is_finite()
+            && self.camera.iter().all(|x| x.is_finite())
+            && self.gain.is_finite()
+            && self.pixels.iter().all(|pixel| (0.0..=reach).contains(&pixel.z))
     }
 
     pub(super) fn bytes(&self) -> usize {

@@ -10,7 +10,7 @@ use orenx::dataset::synthetic::Synthetic;
 use orenx::dataset::synthetic::moved_box::BEFORE;
 use orenx::error::Result;
 use orenx::frame::Frame;
-use orenx::geometry::{Region, Solid};
+use orenx::geometry::{Aabb, Region, Solid};
 use orenx::map::{
     Clear, Copied, Copying, Edit, Fields, Head, MapView, Mapper, Part, STAMP_ROBOT, Stamp, Table,
 };
@@ -172,9 +172,10 @@ fn what_does_not_fit_together_is_refused() {
     assert_eq!(other.changes(Some(&first), Copied::ALL).head().from_epoch, None);
 
     type Spoil = fn(&mut Head, &mut Vec<Part>);
-    let cases: [(&str, Spoil); 9] = [
+    let cases: [(&str, Spoil); 13] = [
         ("whole slots", |_, parts| parts[0].bytes.truncate(17)),
         ("whole slots", |_, parts| parts[0].slots.clear()),
+        ("whole slots", |_, parts| parts[0].bytes.clear()),
         ("is not there", |_, parts| parts[0].slots[0] = u32::MAX),
         ("not there", |_, parts| parts[0].bytes[4..8].copy_from_slice(&[0xff, 0xff, 0xff, 0x7f])),
         ("wrong length", |_, parts| {
@@ -185,6 +186,9 @@ fn what_does_not_fit_together_is_refused() {
         ("not told", |_, parts| parts.retain(|part| part.table != Table::Codes)),
         ("without their encoder", |head, _| head.contract = None),
         ("more slots", |head, _| head.slots[0] = u32::MAX),
+        ("more slots", |head, _| head.slots[7] = 1 << 27),
+        ("bounds", |head, _| head.bounds = Some(Aabb { min: Vec3::NAN, max: Vec3::ZERO })),
+        ("not there", |_, parts| parts[0].bytes[4..8].fill(0)),
     ];
     for (words, spoil) in cases {
         let (mut head, mut parts) = whole();

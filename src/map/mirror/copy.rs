@@ -16,6 +16,8 @@ use crate::surface::Known;
 
 /// Slots of a table at most: as many as a map of hundreds of gigabytes has.
 const MAX_SLOTS: u32 = 1 << 28;
+/// Viewpoints at most, which take their memory as soon as they are counted: more than there are key frames.
+const MAX_VIEWPOINTS: usize = 1 << 20;
 
 /// A later view in the making. What was told wrongly is refused, and the view before stays as it is.
 pub struct Copying {
@@ -72,8 +74,13 @@ impl Copying {
             }
             None => 0,
         };
-        if self.head.slots.iter().any(|count| *count > MAX_SLOTS) {
+        if self.head.slots.iter().any(|count| *count > MAX_SLOTS)
+            || count(Table::Viewpoints) > MAX_VIEWPOINTS
+        {
             return Err(damaged("it has more slots than a map may have"));
+        }
+        if self.head.bounds.is_some_and(|bounds| !bounds.is_within_reach()) {
+            return Err(damaged("its bounds are none of a map"));
         }
         let (nodes, rows) = (count(Table::Nodes), count(Table::Rows));
         let (bricks, colors) = (count(Table::Bricks), count(Table::Colors));
@@ -99,7 +106,7 @@ impl Copying {
     /// Takes a part up.
     pub fn take(&mut self, part: &Part) -> Result<()> {
         let (slots, count) = (part.slots.len(), self.head.count(part.table));
-        if slots == 0 || !part.bytes.len().is_multiple_of(slots) {
+        if slots == 0 || part.bytes.is_empty() || !part.bytes.len().is_multiple_of(slots) {
             return Err(damaged("a part has no whole slots"));
         }
         if part.slots.iter().any(|slot| *slot as usize >= count) {
@@ -147,7 +154,9 @@ impl Copying {
         let count = |table| self.head.count(table);
         let is_in = |index: u32, none: u32, table| index == none || (index as usize) < count(table);
         let children = (node.children >> 8) as usize * 8 + 7;
-        let fits = node.corners.iter().all(|row| is_in(*row, NO_ROW, Table::Rows))
+        // Rows at all corners, or at none.
+        let has_rows = node.corners.iter().all(|row| (*row as usize) < count(Table::Rows));
+        let fits = (has_rows || node.corners == [NO_ROW; 8])
             && (node.children & 0xff == 0 || children < count(Table::Nodes))
             && is_in(node.brick, NO_NODE, Table::Bricks)
             && is_in(node.block, NO_BLOCK, Table::Colors)

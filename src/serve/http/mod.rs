@@ -55,8 +55,8 @@ use super::calls::Calls;
 use super::entrance::Entrance;
 use super::request_id::{GIVEN as GIVEN_ID, Naming};
 use super::zenoh::Tally;
-use crate::config::Settings;
-use crate::error::Error;
+use crate::config::{ServerConfig, Settings};
+use crate::error::{self, Error};
 use crate::service::Service;
 use limits::Limits;
 pub use listen::Door;
@@ -146,6 +146,16 @@ impl Edge {
             None => self.service().map(drop),
         }
     }
+}
+
+/// All paths of HTTP, with their gate and their limits and without a port, in front of a service that
+/// runs: for a program that has a port of its own, or none. Made and asked within a runtime.
+pub fn routes_of(service: Arc<Service>, config: &ServerConfig) -> error::Result<Router> {
+    let limits = Limits::new(config.max_points, config.max_pixels);
+    let entrance = Arc::new(Entrance::new(&config.access)?);
+    let edge = Edge::new(limits, entrance, config.written.clone());
+    edge.serve(service, Arc::default(), None);
+    Ok(router(Arc::new(edge)))
 }
 
 fn router(edge: Arc<Edge>) -> Router {

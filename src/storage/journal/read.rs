@@ -60,7 +60,8 @@ impl Reading {
         Ok(Self::of(path, bytes, first))
     }
 
-    pub(super) fn of(path: &Path, bytes: Vec<u8>, first: u64) -> Self {
+    /// Of a segment that is in memory; `path` is for messages.
+    pub fn of(path: &Path, bytes: Vec<u8>, first: u64) -> Self {
         let mut reading = Self {
             path: path.into(),
             bytes,

@@ -2,10 +2,9 @@
 
 use std::borrow::Cow;
 
-use super::{CELLS, Evidence, Known};
+use super::{CELLS, Evidence, FLIP, Known};
 use crate::error::{Error, Result};
-use crate::octree::{Cell, pack};
-use crate::surface::surfel::NO_SURFEL;
+use crate::octree::{Cell, LIMIT, pack};
 use crate::surface::witnesses::{WitnessSets, Witnesses};
 
 /// A stored grid.
@@ -37,14 +36,9 @@ impl Evidence {
         }
     }
 
-    /// Takes up a stored state; `surfels` is the number of surfel slots, `free_by` who saw vertices
+    /// Takes up a stored state, whose lists of surfels have been looked at; `free_by` is who saw vertices
     /// free.
-    pub fn with_state(
-        mut self,
-        state: EvidenceState<'_>,
-        surfels: usize,
-        free_by: &[u16],
-    ) -> Result<Self> {
+    pub fn with_state(mut self, state: EvidenceState<'_>, free_by: &[u16]) -> Result<Self> {
         let bricks = state.bricks.len();
         let cells = [
             state.log_odds.len(),
@@ -55,7 +49,8 @@ impl Evidence {
         ];
         if state.known.len() != bricks
             || cells.iter().any(|&c| c != bricks * CELLS)
-            || state.surfels.iter().any(|&s| s != NO_SURFEL && s as usize >= surfels)
+            || state.bricks.iter().flatten().any(|c| !(-LIMIT..LIMIT).contains(c))
+            || state.log_odds.iter().any(|odds| !(-FLIP..=FLIP).contains(odds))
         {
             return Err(Error::corrupt("evidence", "columns do not fit together"));
         }
@@ -71,6 +66,9 @@ impl Evidence {
         self.visited = vec![0; bricks];
         let places = self.bricks.iter().enumerate();
         self.index = places.map(|(i, &b)| (pack(b), i as u32)).collect();
+        if self.index.len() != bricks {
+            return Err(Error::corrupt("evidence", "two bricks are at one place"));
+        }
         Ok(self)
     }
 }

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::Surface;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::surface::color::{ColorField, ColorState};
 use crate::surface::evidence::EvidenceState;
 use crate::surface::prior::PriorState;
@@ -34,9 +34,12 @@ impl Surface {
     /// Takes up a stored state beside a topology of `rows` rows.
     pub fn with_state(mut self, state: SurfaceState<'_>, rows: usize) -> Result<Self> {
         self.surfels = self.surfels.with_state(state.surfels)?;
+        if !self.surfels.has_lists(&state.evidence.surfels) {
+            return Err(Error::corrupt("surfels", "lists of cells do not end"));
+        }
         let slots = self.surfels.slots();
         let free_by = &state.prior.free_by;
-        self.evidence = self.evidence.with_state(state.evidence, slots, free_by)?;
+        self.evidence = self.evidence.with_state(state.evidence, free_by)?;
         self.prior = self.prior.with_state(state.prior, rows, slots)?;
         self.ringed = state.ringed.into_owned();
         self.color = match (self.color, state.color) {

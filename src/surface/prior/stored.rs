@@ -60,6 +60,9 @@ impl PriorField {
         {
             return Err(Error::corrupt("prior", "columns do not fit together"));
         }
+        if !has_lists(&state) {
+            return Err(Error::corrupt("prior", "lists of vertices do not fit their surfels"));
+        }
         self.nearest = state.nearest.into_owned();
         self.reach = state.reach.into_owned();
         self.values = state.values.into_owned();
@@ -72,4 +75,22 @@ impl PriorField {
         self.work.is_changed = vec![false; rows];
         Ok(self)
     }
+}
+
+/// Whether every vertex with a surfel is in the list of that surfel, once, and no other is in any. A list
+/// that came back to itself would have a vertex with two before it.
+fn has_lists(state: &PriorState<'_>) -> bool {
+    let mut listed = 0;
+    for (surfel, &head) in state.heads.iter().enumerate() {
+        let (mut row, mut before) = (head, END);
+        while row != END {
+            let at = row as usize;
+            if state.nearest[at] != surfel as u32 || state.previous[at] != before {
+                return false;
+            }
+            (before, row) = (row, state.next[at]);
+            listed += 1;
+        }
+    }
+    listed == state.nearest.iter().filter(|surfel| **surfel != NO_SURFEL).count()
 }

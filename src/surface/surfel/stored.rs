@@ -6,6 +6,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::{Link, NO_SURFEL, Surfel, SurfelMap};
 use crate::error::{Error, Result};
+use crate::geometry::MAX_COORDINATE_M;
 use crate::surface::witnesses::{WitnessSets, Witnesses};
 
 /// Stored surfels.
@@ -27,6 +28,17 @@ pub struct FirstSurfel {
     source: u32,
     born: u32,
     key: [u32; 2],
+}
+
+impl Surfel {
+    /// Whether its numbers are those of a surface within reach.
+    fn is_somewhere(&self) -> bool {
+        let reach = 2.0 * MAX_COORDINATE_M as f32;
+        self.position.abs().max_element() <= reach
+            && self.position.is_finite()
+            && self.normal.is_finite()
+            && self.weight.is_finite()
+    }
 }
 
 impl FirstSurfel {
@@ -53,13 +65,15 @@ impl SurfelMap {
         }
     }
 
-    /// Takes up a stored state.
+    /// Takes up a stored state. Whether lists of cells end is seen with their heads:
+    /// [`SurfelMap::has_lists`].
     pub fn with_state(mut self, state: SurfelState<'_>) -> Result<Self> {
         let slots = state.surfels.len();
         let exists = |&id: &u32| id == NO_SURFEL || (id as usize) < slots;
         if state.links.len() != slots
-            || !state.free.iter().all(exists)
+            || !state.free.iter().all(|id| (*id as usize) < slots)
             || !state.links.iter().all(|l| exists(&l.next_in_cell))
+            || !state.surfels.iter().filter(|s| s.alive()).all(Surfel::is_somewhere)
         {
             return Err(Error::corrupt("surfels", "lists refer to what is not there"));
         }
@@ -71,6 +85,31 @@ impl SurfelMap {
         let alive = self.surfels.iter().enumerate().filter(|(_, s)| s.alive());
         self.by_key = alive.map(|(id, s)| (s.key, id as u32)).collect();
         self.alive = self.by_key.len();
+        if self.alive != self.surfels.iter().filter(|s| s.alive()).count() {
+            return Err(Error::corrupt("surfels", "two are of one cell and side"));
+        }
         Ok(self)
+    }
+
+    /// Whether each surfel is in the list of one cell at most, of those with these `heads`, and none
+    /// that can be taken for a new one is in any or alive.
+    pub(in crate::surface) fn has_lists(&self, heads: &[u32]) -> bool {
+        let mut is_taken = vec![false; self.surfels.len()];
+        for &head in heads {
+            let mut id = head;
+            while id != NO_SURFEL {
+                let is_new =
+                    is_taken.get_mut(id as usize).is_some_and(|t| !std::mem::replace(t, true));
+                if !is_new {
+                    return false;
+                }
+                id = self.links[id as usize].next_in_cell;
+            }
+        }
+        let mut is_free = |id: &u32| {
+            !self.surfels[*id as usize].alive()
+                && !std::mem::replace(&mut is_taken[*id as usize], true)
+        };
+        self.free.iter().all(|id| is_free(id))
     }
 }

@@ -106,9 +106,11 @@ impl KeyFrames {
             self.frames.insert(record.id, Kept { frame, listings: 0 });
         }
         self.changed = true;
+        let is_number = |kept: &Kept| kept.frame.is_finite();
         if self.frames.last_key_value().is_some_and(|(&id, _)| id >= state.next)
             || state.block_trained.len() != state.blocks.len()
             || state.block_counts.len() != state.blocks.len()
+            || !self.frames.values().all(is_number)
         {
             return Err(damaged());
         }
