@@ -84,13 +84,13 @@ fn rays_are_drawn_and_the_band_is_copied_as_on_the_host() {
     assert!(kept.len().abs_diff(expected.len()) <= 3 && kept.len() > 1500, "{}", kept.len());
     let mut others = 0;
     for ray in kept {
-        let same = |twin: &&ColorRay| {
+        let same = |twin: &ColorRay| {
             twin.z == ray.z
                 && (twin.color - Vec3::from(ray.color)).abs().max_element() < 1e-5
                 && (twin.direction - Vec3::from(ray.direction)).length() < 1e-5
                 && twin.origin == Vec3::from(ray.origin)
         };
-        others += usize::from(expected.iter().find(same).is_none());
+        others += usize::from(!expected.iter().any(same));
     }
     assert!(others <= 3, "{others} rays that the host does not draw");
     let step = gpu.report().expect("a report").step;

@@ -245,9 +245,9 @@ fn steps_are_those_of_the_twin_and_come_back() {
     let weighs = |second: &f32| *second > 1e-15;
     let second = cpu.colors.second.as_flattened();
     let weighed = second.iter().filter(|second| weighs(second)).count();
-    let differ = errors().zip(second).filter(|(error, second)| weighs(second) && *error > 1e-4);
+    let differ = errors().zip(second).filter(|(error, second)| weighs(second) && *error > 3e-4);
     let differ = differ.count();
-    assert!(weighed > 2000 && differ * 100 < weighed, "{differ} of {weighed} numbers");
+    assert!(weighed > 2000 && differ * 50 < weighed, "{differ} of {weighed} numbers");
     // What came back is what is there.
     let mut heard = vec![[0.0; 3]; gpu.colors.learned.len()];
     both.gpu.read_changed_colors(&mut |block, learned| {
