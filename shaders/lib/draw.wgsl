@@ -31,4 +31,13 @@ struct Frame {
   z_axis: vec3f,
   // 1/fx, 1/fy, cx, cy.
   camera: vec4f,
+  // What its colours are multiplied by.
+  gain: vec3f,
+}
+
+// World direction of a pixel, u and v in 16 bits each, with z = 1 in camera axes.
+fn pixel_direction(frame: Frame, place: u32) -> vec3f {
+  let at = vec2f(f32(place & 0xffffu), f32(place >> 16u));
+  let across = (at - frame.camera.zw) * frame.camera.xy;
+  return frame.x_axis * across.x + frame.y_axis * across.y + frame.z_axis;
 }

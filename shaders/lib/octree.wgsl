@@ -43,3 +43,17 @@ fn find_voxel(point: vec3f) -> u32 {
   }
   return found;
 }
+
+// Whether all corner rows of a voxel exist.
+fn usable(voxel: u32) -> bool {
+  if voxel == NONE {
+    return false;
+  }
+  let node = voxel_node(voxel);
+  for (var k = 0u; k < 8u; k += 1u) {
+    if corners[node][k] >= step.rows {
+      return false;
+    }
+  }
+  return true;
+}

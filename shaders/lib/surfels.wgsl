@@ -6,6 +6,7 @@
 #import lib/constants
 #import lib/draw
 #import lib/octree
+#import lib/places
 
 struct Surfel {
   position: vec3f,
@@ -31,17 +32,10 @@ struct Search {
   id: u32,
 }
 
-// The slot where the search for a brick starts, before it is cut to the table's size.
-fn brick_slot(brick: vec3i) -> u32 {
-  let b = vec3u(brick);
-  let h = b.x * 0x9e3779b1u + b.y * 0x85ebca77u + b.z * 0xc2b2ae3du;
-  return h ^ (h >> 15u);
-}
-
 // A brick's id; NONE if there is none.
 fn find_brick(brick: vec3i) -> u32 {
   let mask = arrayLength(&bricks) - 1u;
-  let start = brick_slot(brick);
+  let start = place_slot(brick);
   for (var i = 0u; i <= mask; i += 1u) {
     let entry = bricks[(start + i) & mask];
     if entry.w == 0 || all(entry.xyz == brick) {

@@ -10,7 +10,7 @@
 @group(0) @binding(3) var<storage, read_write> first_moments: array<vec4f>;
 @group(0) @binding(4) var<storage, read_write> second_moments: array<vec4f>;
 @group(0) @binding(5) var<storage, read_write> losses: array<vec4f>;
-// [0]: the number of lanes.
+// x: the number of lanes; then y more from lane z on.
 @group(0) @binding(6) var<uniform> lanes: vec4u;
 @group(0) @binding(7) var<storage, read> touched: array<u32>;
 // t by quad of weights: every invocation counts its own.
@@ -26,6 +26,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
   }
   var sum = vec4f(0.0);
   for (var lane = 0u; lane < lanes.x; lane += 1u) {
+    sum += partials[lane * LANE_QUADS + quad];
+  }
+  for (var lane = lanes.z; lane < lanes.z + lanes.y; lane += 1u) {
     sum += partials[lane * LANE_QUADS + quad];
   }
   if quad >= WEIGHT_QUADS {

@@ -5,12 +5,10 @@
 // those of lib/decoder.
 #import lib/step
 #import lib/sample
-#import lib/lattice
-#import lib/interpolation
 #import lib/losses
-#import lib/decoder
-#import lib/gradients
-#import modality/sdf
+#import lib/backward
+#import lib/field
+#import lib/scatter
 
 @group(0) @binding(0) var<uniform> step: Step;
 @group(0) @binding(1) var<storage, read> corners: array<array<u32, 8>>;
@@ -29,11 +27,7 @@
 
 const TILE_SAMPLES = TILE / POINTS;
 
-// By evaluation: place in its voxel, the voxel's node, d_ga, and the sample's first evaluation in
-// the same voxel.
-var<workgroup> places: array<vec4f, TILE>;
-var<workgroup> nodes: array<u32, TILE>;
-var<workgroup> distances: array<f32, TILE>;
+// By evaluation: the sample's first evaluation in the same voxel.
 var<workgroup> leaders: array<u32, TILE>;
 
 // The losses that this invocation has seen, in the order of the host's Losses.
@@ -57,48 +51,23 @@ fn evaluation_voxel(site: u32, j: u32) -> u32 {
   return sites[site].around[j - 1u];
 }
 
-// Interpolates features and d_ga. Four invocations an evaluation: each a quad of the feature, and
-// d_ga's share of two corners.
+// What rows say of the tile's evaluations, by four invocations each.
 fn gather(t: u32, tile: u32) {
   let evaluation = t / 4u;
-  let part = t % 4u;
   let j = evaluation % POINTS;
   let index = tile * TILE_SAMPLES + evaluation / POINTS;
   var voxel = NONE;
+  var point = vec3f(0.0);
   if evaluation < TILE_SAMPLES * POINTS && index < step.samples {
     voxel = evaluation_voxel(index, j);
+    point = evaluation_point(samples[index], j);
   }
-  var feature = vec4f(0.0);
-  var share = 0.0;
-  var place = vec4f(0.0, 0.0, 0.0, 1.0);
-  if voxel != NONE {
-    let point = evaluation_point(samples[index], j);
-    let box = voxel_box(point, voxel_log2(voxel));
-    place = vec4f(point - box.xyz, box.w);
-    for (var k = 0u; k < 8u; k += 1u) {
-      let row = corners[voxel_node(voxel)][k];
-      let weight = corner_weight(place, k);
-      feature += weight * learned[row * ROW_QUADS + part];
-      if k / 2u == part {
-        let vertex = prior[row] + learned[row * ROW_QUADS + EXPLICIT_QUAD];
-        share += weight * extrapolated(place, k, vertex);
-      }
-    }
-  }
-  features[t] = feature;
-  sums[t] = share;
-  if part == 0u {
-    places[evaluation] = place;
-    nodes[evaluation] = select(voxel_node(voxel), NONE, voxel == NONE);
-  }
+  gather_at(t, voxel, point);
 }
 
 // One evaluation's d_ga, context and leader.
 fn prepare(evaluation: u32) {
-  let at = 4u * evaluation;
-  let distance = (sums[at] + sums[at + 1u]) + (sums[at + 2u] + sums[at + 3u]);
-  distances[evaluation] = distance;
-  contexts[evaluation] = context_of(distance);
+  sum_up(evaluation);
   by_outputs[evaluation] = 0.0;
   var leader = evaluation / POINTS * POINTS;
   while leader < evaluation && nodes[leader] != nodes[evaluation] {
@@ -109,11 +78,6 @@ fn prepare(evaluation: u32) {
 
 fn per(weight: f32, count: u32) -> f32 {
   return weight / f32(max(count, 1u));
-}
-
-// f at an evaluation.
-fn found_at(evaluation: u32) -> f32 {
-  return distances[evaluation] + outputs[evaluation];
 }
 
 // The losses of one sample, and ∂L/∂f at its evaluations.
@@ -174,7 +138,6 @@ fn eikonal(first: u32, factor: f32, by_found: ptr<function, f32>) -> f32 {
 // Adds the tile's derivatives to the rows' gradients: one item is a quad of a corner of a sample's
 // voxel, summed over the evaluations that share it, or of a voxel that only its stencil reaches.
 fn scatter(t: u32) {
-  const QUADS = SDF_FEATURES / 4u + 1u;
   for (var item = t; item < TILE_SAMPLES * 8u * QUADS; item += THREADS) {
     let quad = item % QUADS;
     let corner = item / QUADS % 8u;
@@ -186,27 +149,11 @@ fn scatter(t: u32) {
       }
       var sum = vec4f(0.0);
       for (var i = leader; i < first + POINTS; i += 1u) {
-        if leaders[i] != leader {
-          continue;
-        }
-        let weight = corner_weight(places[i], corner);
-        if quad < SDF_FEATURES / 4u {
-          sum += weight * features[i * INPUT_QUADS + quad];
-        } else {
-          let by_distance = by_outputs[i] + by_contexts[i] * context_slope(distances[i]);
-          sum += (weight * by_distance) * vec4f(1.0, lever(places[i], corner));
+        if leaders[i] == leader {
+          sum += by_corner(i, corner, quad);
         }
       }
-      let row = corners[nodes[leader]][corner];
-      if quad < SDF_FEATURES / 4u {
-        add_gradient(row, quad, sum, vec4f(SDF_UNITS));
-      } else {
-        let units = vec4f(DISTANCE_UNITS, vec3f(GRADIENT_UNITS));
-        add_gradient(row, EXPLICIT_QUAD, sum, units);
-        if (atomicOr(&flags[row], TOUCHED) & TOUCHED) == 0u {
-          atomicStore(&touched[1u + atomicAdd(&touched[0], 1u)], row);
-        }
-      }
+      scatter_to(corners[nodes[leader]][corner], quad, sum);
     }
   }
 }

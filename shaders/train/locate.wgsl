@@ -18,20 +18,6 @@ fn is_number(x: f32) -> bool {
   return abs(x) <= 3.4e38;
 }
 
-// Whether all corner rows of a voxel exist.
-fn usable(voxel: u32) -> bool {
-  if voxel == NONE {
-    return false;
-  }
-  let node = voxel_node(voxel);
-  for (var k = 0u; k < 8u; k += 1u) {
-    if corners[node][k] >= step.rows {
-      return false;
-    }
-  }
-  return true;
-}
-
 // The voxels of the stencil: the sample's own, and a descent only for points that leave it.
 fn locate_stencil(point: vec3f, centre: u32, site: ptr<function, Site>) {
   let home = voxel_box(point, voxel_log2(centre));

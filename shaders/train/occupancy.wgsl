@@ -6,7 +6,7 @@
 #import lib/lattice
 #import lib/interpolation
 #import lib/losses
-#import lib/decoder
+#import lib/backward
 #import lib/gradients
 #import modality/sdf
 #import modality/occupancy

@@ -44,9 +44,7 @@ fn draw_sample(ray: u32, slot: u32) -> Sample {
   let last = pcg4d(vec4u(draw.seed, draw.counter, ray, 2u));
   let frame = frames[ray * draw.frames / draw.rays];
   let pixel = pixels[frame.first + multiply_high(words.x, frame.pixels)];
-  let at = vec2f(f32(pixel.x & 0xffffu), f32(pixel.x >> 16u));
-  let across = (at - frame.camera.zw) * frame.camera.xy;
-  let direction = frame.x_axis * across.x + frame.y_axis * across.y + frame.z_axis;
+  let direction = pixel_direction(frame, pixel.x);
   let depth = depth_of(slot, bitcast<f32>(pixel.y), words, more);
   var sample: Sample;
   sample.point = frame.origin + direction * depth;

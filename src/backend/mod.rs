@@ -50,6 +50,8 @@ pub struct Changes<'a> {
     pub surfels: &'a [u32],
     /// Bricks of evidence that are new or of which cells changed.
     pub bricks: &'a [u32],
+    /// Blocks of colour that are new, or of which vertices or neighbours changed.
+    pub colors: &'a [u32],
 }
 
 /// Training steps that are taken together.

@@ -176,7 +176,7 @@ impl Mapper {
         self.changed_rows.extend(rows..self.topology.rows() as u32);
         self.changed_rows.extend(change.prior.rows);
         self.changed_bricks.extend(change.changed_bricks);
-        self.changed_colors.extend(change.colors);
+        self.changed_colors.extend(&change.colors);
         if self.config.prior == Prior::Learned {
             self.no_prior.resize(self.topology.rows(), [0.0; 4]);
         }
@@ -188,6 +188,7 @@ impl Mapper {
             measured: &change.prior.measured,
             surfels: &change.surfels,
             bricks: &change.touched_bricks,
+            colors: &change.colors,
         };
         let scene = scene(&self.config, &self.topology, &self.surface, &self.no_prior);
         self.backend.follow(&scene, &changes)?;

@@ -97,6 +97,8 @@ impl Mapper {
         }
         let surfels: Vec<u32> = (0..self.surface.surfels.slots() as u32).collect();
         let bricks: Vec<u32> = (0..self.surface.evidence.bricks() as u32).collect();
+        let blocks = self.surface.color.as_ref().map_or(0, |color| color.band.blocks() as u32);
+        let blocks: Vec<u32> = (0..blocks).collect();
         let everything = Changes {
             nodes: &nodes,
             rows: &rows,
@@ -104,6 +106,7 @@ impl Mapper {
             measured: &rows,
             surfels: &surfels,
             bricks: &bricks,
+            colors: &blocks,
         };
         let scene = scene(&self.config, &self.topology, &self.surface, &self.no_prior);
         backend.follow(&scene, &everything)

@@ -14,7 +14,7 @@ use crate::surface::DISTANCE_STEP_M;
 /// Bound of a stored logit, so that it fits a [`Texel`].
 const LIMIT: f32 = 7.99;
 /// Colours are kept this far from 0 and 1, where logits have no end: half of an 8-bit step.
-const MARGIN: f32 = 1.0 / 512.0;
+pub const MARGIN: f32 = 1.0 / 512.0;
 /// Steps of a [`Texel`] in one unit of a logit.
 const SCALE: f32 = 4096.0;
 

@@ -11,7 +11,7 @@ use orenx::storage;
 use super::{integrate, lite};
 
 /// World points of every `step`-th pixel, at `before` m of depth before the return, and its colour.
-fn pixels(frame: &Frame, step: usize, before: f32) -> (Vec<Vec3>, Vec<Vec3>) {
+pub(super) fn pixels(frame: &Frame, step: usize, before: f32) -> (Vec<Vec3>, Vec<Vec3>) {
     let k = frame.intrinsics;
     let image = frame.color.as_ref().unwrap();
     let places =
@@ -25,7 +25,7 @@ fn pixels(frame: &Frame, step: usize, before: f32) -> (Vec<Vec3>, Vec<Vec3>) {
         .unzip()
 }
 
-fn colors(view: &MapView, points: &[Vec3]) -> Vec<Vec3> {
+pub(super) fn colors(view: &MapView, points: &[Vec3]) -> Vec<Vec3> {
     view.query(points, Fields { color: true, ..Fields::NONE }).color
 }
 

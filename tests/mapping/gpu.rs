@@ -2,12 +2,13 @@
 
 use glam::Vec3;
 
+use super::colors::{colors, pixels};
 use super::integrate;
 use crate::support::data_dir;
 use orenx::cli;
 use orenx::config::{BackendChoice, MapConfig, MapSettings, Prior};
 use orenx::dataset::synthetic::Synthetic;
-use orenx::dataset::{self, Format};
+use orenx::dataset::{self, Dataset, Format};
 use orenx::eval::Truth;
 use orenx::map::{Fields, MapView, Mapper, Trainer};
 use orenx::storage;
@@ -81,20 +82,85 @@ fn both_backends_make_the_same_map() {
     }
 }
 
+/// Settings under which colours are trained on.
+fn colored() -> MapSettings {
+    MapSettings { color_rays: 512, steps: Some(2), ..MapSettings::default() }
+}
+
+/// Colours that maps say at what some frames saw, and what the frames say, where both know one.
+fn said_and_seen(views: [&MapView; 2]) -> Vec<[Vec3; 3]> {
+    let mut all = Vec::new();
+    for index in [4, 7, 9] {
+        let (points, seen) = pixels(&room().load(index, true).unwrap(), 2, 0.0);
+        let [a, b] = views.map(|view| colors(view, &points));
+        let triples = a.iter().zip(&b).zip(&seen).map(|((a, b), seen)| [*a, *b, *seen]);
+        all.extend(triples.filter(|colors| colors.iter().all(|color| color.is_finite())));
+    }
+    assert!(all.len() > 2000, "{} colours", all.len());
+    all
+}
+
+/// Mean differences: of two maps from what was seen, and from each other.
+fn color_differences(a: &MapView, b: &MapView) -> [f32; 3] {
+    let all = said_and_seen([a, b]);
+    let mean = |of: &dyn Fn(&[Vec3; 3]) -> Vec3| {
+        all.iter().map(|colors| of(colors).abs().element_sum()).sum::<f32>() / all.len() as f32
+    };
+    [mean(&|[a, _, seen]| *a - *seen), mean(&|[_, b, seen]| *b - *seen), mean(&|[a, b, _]| *a - *b)]
+}
+
+#[test]
+fn both_backends_train_the_same_colours_and_go_on_from_each_other() {
+    use BackendChoice::{Cpu, Gpu};
+    let folder = tempfile::tempdir().unwrap();
+    let map = |settings: &MapSettings, first: BackendChoice, then: BackendChoice| {
+        let mut mapper = mapper(first, settings);
+        integrate(&mut mapper, &room(), 0..6);
+        if first != then {
+            let path = folder.path().join("half");
+            storage::save(&mut mapper, &path, false).unwrap();
+            mapper = storage::load(&path).unwrap();
+            mapper.train_on(Trainer::of(then)).unwrap();
+        }
+        integrate(&mut mapper, &room(), 6..10);
+        let view = mapper.publish_all().unwrap();
+        let losses = mapper.stats().losses;
+        let photometric = losses.iter().find(|(name, _)| name == "photometric").unwrap().1;
+        assert_eq!(photometric > 0.0, settings.color_rays > 0);
+        view
+    };
+    let cpu = map(&colored(), Cpu, Cpu);
+    let closed = map(&MapSettings { color_rays: 0, ..colored() }, Cpu, Cpu);
+    let [_, trained, by_training] = color_differences(&closed, &cpu);
+    for (first, then) in [(Gpu, Gpu), (Cpu, Gpu), (Gpu, Cpu)] {
+        let other = map(&colored(), first, then);
+        let found = color_differences(&other, &cpu);
+        println!("{first:?} {then:?}: {found:?}; training changes {by_training}");
+        assert!((found[0] - trained).abs() < 0.02 * trained, "{found:?}");
+        // What the backends differ by is little of what training does.
+        assert!(found[2] < 0.2 * by_training, "{found:?} of {by_training}");
+    }
+}
+
 #[test]
 fn the_same_input_gives_the_same_file_and_a_checkpoint_goes_on() {
+    for settings in [MapSettings::default(), colored()] {
+        the_same_file(&settings);
+    }
+}
+
+fn the_same_file(settings: &MapSettings) {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    let settings = MapSettings::default();
     for name in ["once", "again"] {
-        let mut mapper = mapper(BackendChoice::Gpu, &settings);
+        let mut mapper = mapper(BackendChoice::Gpu, settings);
         integrate(&mut mapper, &room(), 0..6);
         storage::save(&mut mapper, &path(name), false).unwrap();
     }
     let read = |name: &str| std::fs::read(path(name)).unwrap();
     assert!(read("once") == read("again"), "bit for bit");
 
-    let mut first = mapper(BackendChoice::Gpu, &settings);
+    let mut first = mapper(BackendChoice::Gpu, settings);
     integrate(&mut first, &room(), 0..3);
     storage::save(&mut first, &path("half"), false).unwrap();
     let mut resumed = storage::load(&path("half")).unwrap();

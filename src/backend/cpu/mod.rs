@@ -11,7 +11,7 @@ mod decoder;
 mod interpolate;
 mod objective;
 mod plan;
-mod radiance;
+pub(super) mod radiance;
 mod radix;
 mod rows;
 mod table;

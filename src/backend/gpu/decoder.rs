@@ -31,7 +31,13 @@ pub(super) struct GpuDecoder {
 }
 
 impl GpuDecoder {
-    pub(super) fn new(gpu: &Gpu, name: &'static str, decoder: &Decoder) -> Result<Self> {
+    /// A decoder whose gradients come in `parts` times [`LANES`] lanes.
+    pub(super) fn new(
+        gpu: &Gpu,
+        name: &'static str,
+        decoder: &Decoder,
+        parts: u32,
+    ) -> Result<Self> {
         let shape = decoder.shape();
         for width in [shape.first, shape.second] {
             if !matches!(width, 0 | 16 | 32 | 64) {
@@ -50,8 +56,10 @@ impl GpuDecoder {
             first: gpu.buffer("decoder first moments", bytes)?,
             second: gpu.buffer("decoder second moments", bytes)?,
             steps: gpu.buffer("decoder steps", bytes / 4)?,
-            partials: gpu
-                .buffer("decoder partial sums", lane_quads as u64 * 16 * u64::from(LANES))?,
+            partials: gpu.buffer(
+                "decoder partial sums",
+                lane_quads as u64 * 16 * u64::from(parts * LANES),
+            )?,
             losses: gpu.buffer("losses", LOSSES as u64 * 4)?,
             lanes: gpu.buffer("lanes", 16)?,
             optimise: Kernel::new(
@@ -80,16 +88,16 @@ impl GpuDecoder {
         tiles.clamp(1, LANES)
     }
 
-    /// Records the sum over `lanes` lanes, and a step.
+    /// Records the sum over `lanes` lanes, the second of them from [`LANES`] on, and a step.
     pub(super) fn optimise(
         &self,
         gpu: &Gpu,
         passes: &mut Passes,
         step: wgpu::BindingResource<'_>,
         touched: wgpu::BindingResource<'_>,
-        lanes: u32,
+        lanes: [u32; 2],
     ) -> Result<()> {
-        gpu.write(&self.lanes, &[lanes, 0, 0, 0]);
+        gpu.write(&self.lanes, &[lanes[0], lanes[1], LANES, 0]);
         let buffers = [
             ("step", step),
             ("partials", self.partials.as_entire_binding()),
@@ -137,4 +145,23 @@ impl GpuDecoder {
         gpu.write(&self.second, &state.second);
         gpu.write(&self.steps, &vec![state.steps; self.shape.weights() / 4]);
     }
+}
+
+/// Adds a decoder to what kernels bind, whose lanes begin at `lane`: 0 or [`LANES`].
+pub(super) fn with_decoder<'a>(
+    buffers: &[(&'static str, wgpu::BindingResource<'a>)],
+    decoder: &'a GpuDecoder,
+    lane: u32,
+) -> Vec<(&'static str, wgpu::BindingResource<'a>)> {
+    let mut buffers = buffers.to_vec();
+    buffers.push(("weights", decoder.weights.as_entire_binding()));
+    let lane_bytes = (decoder.shape.weights() + LOSSES) as u64 * 4;
+    let partials = wgpu::BufferBinding {
+        buffer: &decoder.partials,
+        // A multiple of 512 bytes, at which bindings may start on every adapter.
+        offset: u64::from(lane) * lane_bytes,
+        size: None,
+    };
+    buffers.push(("partials", wgpu::BindingResource::Buffer(partials)));
+    buffers
 }

@@ -85,6 +85,7 @@ pub(super) struct Frame {
     pub(super) y_axis: [f32; 4],
     pub(super) z_axis: [f32; 4],
     pub(super) camera: [f32; 4],
+    pub(super) gain: [f32; 4],
 }
 
 /// A labelled point.
@@ -106,4 +107,45 @@ pub(super) struct Site {
     pub(super) centre: u32,
     pub(super) around: [u32; 6],
     pub(super) padding: u32,
+}
+
+/// The numbers of a comparison of colours; `Radiance` in shaders/lib/radiance.wgsl says what they
+/// are.
+#[derive(Debug, Clone, Copy, Default, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Radiance {
+    pub(super) rays: u32,
+    pub(super) room: u32,
+    pub(super) surface_log2: u32,
+    pub(super) sharpness: f32,
+    pub(super) reach_m: f32,
+    pub(super) weight: f32,
+    pub(super) rate: f32,
+    pub(super) units: f32,
+    pub(super) log2_side: u32,
+    pub(super) vertices_per_m: f32,
+}
+
+/// A ray whose colour is compared.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Ray {
+    pub(super) origin: [f32; 3],
+    pub(super) z: f32,
+    pub(super) direction: [f32; 3],
+    pub(super) points: u32,
+    pub(super) color: [f32; 3],
+    pub(super) first: u32,
+}
+
+/// A place where a piece of a ray begins or ends.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct RayPoint {
+    pub(super) place: [f32; 3],
+    pub(super) t: f32,
+    pub(super) f: f32,
+    pub(super) by_f: f32,
+    pub(super) ends: u32,
+    pub(super) voxel: u32,
 }

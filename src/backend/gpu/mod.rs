@@ -2,10 +2,12 @@
 //!
 //! The host keeps topology, surface and prior; the GPU has a copy that follows by deltas
 //! (`mirror`, `surface`), and keeps the pixels of key frames (`pixels`). A step draws its samples
-//! (`sampling`) and is taken in five kinds of passes (`training`); what they changed comes back in
-//! one readback a call (`readback`). Gradients of rows are summed in fixed point and those of decoders
+//! (`sampling`) and is taken in five kinds of passes (`training`), and some more where colours are
+//! trained on (`radiance`); what they changed comes back in one readback a call (`readback`).
+//! Gradients of rows are summed in fixed point and those of decoders
 //! by lanes in a fixed order, so that a step has the same bits whenever it runs on one adapter.
 
+mod colors;
 mod decoder;
 mod device;
 mod kernel;
@@ -13,11 +15,14 @@ mod layout;
 mod mirror;
 mod passes;
 mod pixels;
+mod places;
 mod pool;
+mod radiance;
 mod readback;
 mod rows;
 mod sampling;
 mod shader;
+mod steps;
 mod surface;
 #[cfg(test)]
 mod tests;
@@ -29,20 +34,20 @@ use std::time::Duration;
 
 use rustc_hash::FxHashMap;
 
+use self::colors::Colors;
 use self::decoder::GpuDecoder;
 use self::device::Gpu;
 pub use self::device::{AdapterReport, Adapters, adapters};
 use self::mirror::Mirror;
 use self::passes::{Clock, Passes};
+use self::radiance::Radiance;
 use self::readback::{Collector, Readback, Sources};
 use self::rows::Rows;
-use self::sampling::{Sampling, Slots};
+use self::sampling::Sampling;
 use self::surface::SurfaceMirror;
 use self::training::{Model, Training};
 use self::writes::{Writer, Writes};
-use super::{
-    Backend, BackendState, Changes, ColorRows, DecoderState, LearnedRow, Scene, Work, WorkReport,
-};
+use super::{Backend, BackendState, Changes, DecoderState, LearnedRow, Scene, Work, WorkReport};
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::modality::{Decoders, occupancy, sdf};
@@ -76,10 +81,7 @@ pub struct GpuBackend {
     /// Most bytes of buffers so far.
     peak_bytes: u64,
     heard: Heard,
-    /// What the CPU learned of colours before; kept, and not trained on.
-    colors: ColorRows,
-    colors_are_new: bool,
-    color_vertices: usize,
+    colors: Colors,
 }
 
 /// What has come back and was not asked for yet.
@@ -102,11 +104,16 @@ impl GpuBackend {
             sdf: sdf::decoder(&config.hidden, config.seed)?,
             occupancy: occupancy::decoder(config.seed)?,
         };
-        let sdf = GpuDecoder::new(&gpu, "sdf", &decoders.sdf)?;
+        // Rays of colour have lanes of their own.
+        let parts = if radiance::trained(config).is_some() { 2 } else { 1 };
+        let sdf = GpuDecoder::new(&gpu, "sdf", &decoders.sdf, parts)?;
         let has_occupancy = config.has("occupancy");
         let occupancy = has_occupancy
-            .then(|| GpuDecoder::new(&gpu, "occupancy", &decoders.occupancy))
+            .then(|| GpuDecoder::new(&gpu, "occupancy", &decoders.occupancy, 1))
             .transpose()?;
+        let budget_bytes = u64::from(memory_mib) << 20;
+        let radiance = Radiance::new(&gpu, config, &sdf, budget_bytes)?;
+        let color_vertices = ColorField::scale(config).map_or(1, BandScale::vertices);
         Ok(Self {
             clock: Clock::new(&gpu)?.map(Arc::new),
             writer: Writer::new(&gpu)?,
@@ -119,7 +126,7 @@ impl GpuBackend {
             sdf,
             occupancy,
             rows_used: 0,
-            most_rows: Rows::most(&gpu, u64::from(memory_mib) << 20),
+            most_rows: Rows::most(&gpu, radiance::rows_budget(config, budget_bytes)),
             under_way: None,
             more: false,
             submissions: 0,
@@ -131,9 +138,7 @@ impl GpuBackend {
                 report: None,
                 saturated: 0,
             },
-            colors: ColorRows::default(),
-            colors_are_new: false,
-            color_vertices: ColorField::scale(config).map_or(1, BandScale::vertices),
+            colors: Colors::new(color_vertices, radiance),
             gpu,
         })
     }
@@ -142,8 +147,11 @@ impl GpuBackend {
     fn hear(&mut self) -> Result<()> {
         let Some(readback) = self.under_way.take() else { return Ok(()) };
         let Readback { number, rays, samples, submitted, .. } = readback;
-        let results = readback.wait(&self.gpu, self.clock.as_deref())?;
+        let mut results = readback.wait(&self.gpu, self.clock.as_deref())?;
         self.collector.learn(&results);
+        if let Some(radiance) = &mut self.colors.radiance {
+            radiance.learn(&results.colors);
+        }
         self.peak_bytes = self.peak_bytes.max(self.gpu.allocated_bytes());
         let heard = &mut self.heard;
         for (row, columns) in &results.rows {
@@ -164,6 +172,8 @@ impl GpuBackend {
             decoders.occupancy.update(|weights| weights.copy_from_slice(&results.occupancy));
         }
         let step = results.report();
+        self.more = results.more || results.colors.more;
+        self.colors.heard.append(&mut results.colors.blocks);
         let ms: f32 = results.passes.iter().map(|(_, ms)| ms).sum();
         let took = match &self.clock {
             Some(_) => Duration::from_secs_f32(ms * 1e-3),
@@ -171,7 +181,6 @@ impl GpuBackend {
         };
         let passes = self.training.passes(&results, samples);
         heard.report = Some(WorkReport { step, rays, took, passes });
-        self.more = results.more;
         Ok(())
     }
 
@@ -198,8 +207,8 @@ impl GpuBackend {
             &self.gpu,
             passes,
             &sources,
-            self.submissions,
-            (rays, samples),
+            self.colors.radiance.as_mut(),
+            (self.submissions, rays, samples),
         )?;
         self.under_way = Some(readback);
         self.gpu.check()
@@ -210,9 +219,15 @@ impl GpuBackend {
         self.rows_used = scene.topology.rows();
         self.mirror.reserve_nodes(&self.gpu, scene.topology.node_slots() as u64)?;
         self.surface.reserve(&self.gpu, scene.surface)?;
+        let field = scene.surface.color.as_ref();
+        let colors = self.colors.radiance.as_mut().zip(field);
+        colors.map_or(Ok(()), |(radiance, field)| radiance.take_up(&self.gpu, field))?;
         let mut writes = Writes::default();
         self.mirror.follow(&mut writes, (scene.topology, scene.prior), changes);
         self.surface.follow(&mut writes, scene.surface, changes);
+        if let Some((radiance, field)) = self.colors.radiance.as_ref().zip(field) {
+            radiance.follow(&mut writes, field, changes);
+        }
         tracing::trace!(bytes = writes.bytes(), "mirrored");
         let mut passes = Passes::new(&self.gpu, None);
         self.writer.record(&self.gpu, &mut passes, writes)?;
@@ -285,24 +300,20 @@ impl Backend for GpuBackend {
         if work.steps == 0 {
             return Ok(());
         }
-        let samples = self.sampling.prepare(&self.gpu, scene.surface, work)?;
+        let drawn = self.sampling.prepare(&self.gpu, scene.surface, work)?;
+        let samples = drawn.samples;
         self.training.reserve(&self.gpu, samples.into())?;
         let rows = self.rows_used as u32;
         let numbers = training::numbers(scene.topology, rows, samples, &work.parameters);
         self.training.set(&self.gpu, numbers);
+        if let (Some(radiance), Some(parameters)) =
+            (&mut self.colors.radiance, &work.parameters.radiance)
+        {
+            radiance.prepare(&self.gpu, parameters, drawn.longest, numbers.unit_m)?;
+        }
         let mut passes = Passes::new(&self.gpu, self.clock.clone());
-        let (model, stencil) = (self.model(), work.parameters.stencil);
-        let slots = Slots {
-            mirror: &self.mirror,
-            surface: &self.surface,
-            step: &self.training.step,
-            samples: &self.training.samples,
-            count: samples,
-        };
         for step in 0..work.steps {
-            self.sampling.draw(&self.gpu, &mut passes, step, &slots)?;
-            self.training.accumulate(&self.gpu, &mut passes, &model, stencil, samples)?;
-            self.training.optimise(&self.gpu, &mut passes, &model, stencil, samples)?;
+            self.record(&mut passes, step, work, &drawn)?;
         }
         self.submit(passes, work.plan.rays.saturating_mul(work.steps), samples)
     }
@@ -333,10 +344,8 @@ impl Backend for GpuBackend {
     }
 
     fn read_changed_colors(&mut self, visit: &mut dyn FnMut(u32, &[[f32; 3]])) {
-        if std::mem::take(&mut self.colors_are_new) {
-            let blocks = self.colors.learned.chunks_exact(self.color_vertices);
-            (0..).zip(blocks).for_each(|(block, learned)| visit(block, learned));
-        }
+        self.hear_if_done();
+        self.colors.read_changed(visit);
     }
 
     fn decoders(&self) -> Arc<Decoders> {
@@ -349,7 +358,7 @@ impl Backend for GpuBackend {
             Some(decoder) => decoder.export(&self.gpu)?,
             None => DecoderState::of(&self.heard.decoders.occupancy),
         };
-        let (sdf, colors) = (self.sdf.export(&self.gpu)?, self.colors.clone());
+        let (sdf, colors) = (self.sdf.export(&self.gpu)?, self.colors.export(&self.gpu)?);
         Ok(BackendState { learned, moments, sdf, occupancy, colors })
     }
 
@@ -361,9 +370,9 @@ impl Backend for GpuBackend {
         if let Some(decoder) = &self.occupancy {
             decoder.check(&state.occupancy)?;
         }
-        state.colors.check()?;
+        self.colors.check(&state.colors)?;
         self.finish()?;
-        (self.colors, self.colors_are_new) = (state.colors, true);
+        self.colors.import(&self.gpu, state.colors)?;
         self.rows.import(&self.gpu, &state.learned, &state.moments);
         self.sdf.import(&self.gpu, &state.sdf);
         let decoders = Arc::make_mut(&mut self.heard.decoders);
@@ -377,20 +386,6 @@ impl Backend for GpuBackend {
     }
 
     fn memory_bytes(&self) -> u64 {
-        self.rows.bytes()
-    }
-}
-
-impl GpuBackend {
-    /// The kernels of a step, and the constants that each was compiled with.
-    pub fn kernels(&self) -> Vec<(&'static str, String)> {
-        let kernels = [&self.sampling.kernel].into_iter().chain(self.training.kernels());
-        kernels.map(|kernel| (kernel.name, kernel.variant.clone())).collect()
-    }
-
-    /// Rows that there is room for.
-    fn room(&self) -> u64 {
-        let pools = [self.mirror.prior.capacity(), self.surface.anchors.capacity()];
-        pools.into_iter().fold(self.rows.capacity(), u64::min)
+        self.rows.bytes() + self.colors.radiance.as_ref().map_or(0, Radiance::bytes)
     }
 }

@@ -1,5 +1,5 @@
-//! Pixels of key frames on the GPU: each comes there once, and stays until nobody holds the key frame
-//! or the room is needed.
+//! Pixels of key frames on the GPU, with their colours where those are trained on: each comes there
+//! once, and stays until nobody holds the key frame or the room is needed.
 
 use std::sync::Arc;
 
@@ -15,6 +15,8 @@ const LEAST: usize = 16;
 #[derive(Debug)]
 pub(super) struct Pixels {
     pub(super) pool: Pool,
+    /// Colours in the places of pixels, in bytes; of no meaning where a key frame has none.
+    pub(super) colors: Option<Pool>,
     budget_bytes: usize,
     /// Pixels that a key frame has room for.
     room: usize,
@@ -27,16 +29,30 @@ pub(super) struct Pixels {
 #[derive(Debug)]
 struct Held {
     pixels: Arc<[Pixel]>,
+    /// The length of the longest direction, with z = 1 in camera axes.
+    longest: f32,
     /// The call that last asked for them.
     asked: u64,
 }
 
 impl Pixels {
     /// Room for key frames of `room` pixels, in about `budget_bytes`.
-    pub(super) fn new(gpu: &Gpu, room: usize, budget_bytes: usize) -> Result<Self> {
+    pub(super) fn new(gpu: &Gpu, room: usize, budget_bytes: usize, colored: bool) -> Result<Self> {
         let room = room.max(1);
         let pool = Pool::new(gpu, "key frame pixels", (room * size_of::<Pixel>()) as u64)?;
-        Ok(Self { pool, budget_bytes, room, held: Vec::new(), calls: 0 })
+        let colors = || Pool::new(gpu, "key frame colours", room as u64 * 4);
+        let colors = colored.then(colors).transpose()?;
+        Ok(Self { pool, colors, budget_bytes, room, held: Vec::new(), calls: 0 })
+    }
+
+    pub(super) fn has_colors(&self) -> bool {
+        self.colors.is_some()
+    }
+
+    /// The length of the longest direction of the frames that were placed last.
+    pub(super) fn longest(&self) -> f32 {
+        let last = self.held.iter().filter(|held| held.asked == self.calls);
+        last.map(|held| held.longest).fold(1.0, f32::max)
     }
 
     /// Brings the pixels of frames to the GPU where they are not yet; returns where those of each
@@ -44,30 +60,45 @@ impl Pixels {
     pub(super) fn place(&mut self, gpu: &Gpu, frames: &[&KeyFrame]) -> Result<Vec<u32>> {
         let longest = frames.iter().map(|frame| frame.pixels.len()).max().unwrap_or(0);
         if longest > self.room {
-            *self = Self::new(gpu, longest, self.budget_bytes)?;
+            *self = Self::new(gpu, longest, self.budget_bytes, self.has_colors())?;
         }
         self.calls += 1;
-        frames.iter().map(|frame| self.place_one(gpu, &frame.pixels)).collect()
+        frames.iter().map(|frame| self.place_one(gpu, frame)).collect()
     }
 
-    fn place_one(&mut self, gpu: &Gpu, pixels: &Arc<[Pixel]>) -> Result<u32> {
+    fn place_one(&mut self, gpu: &Gpu, frame: &KeyFrame) -> Result<u32> {
+        let pixels = &frame.pixels;
         let known = self.held.iter().position(|held| Arc::ptr_eq(&held.pixels, pixels));
         let place = match known {
             Some(place) => place,
             None => {
                 let place = self.free_place(gpu)?;
-                let held = Held { pixels: pixels.clone(), asked: self.calls };
+                let lengths = pixels.iter().map(|&pixel| frame.direction(pixel).length());
+                let longest = lengths.fold(1.0, f32::max);
+                let held = Held { pixels: pixels.clone(), longest, asked: self.calls };
                 match self.held.get_mut(place) {
                     Some(old) => *old = held,
                     None => self.held.push(held),
                 }
                 let offset = (place * self.room * size_of::<Pixel>()) as u64;
                 gpu.queue.write_buffer(&self.pool.buffer, offset, bytemuck::cast_slice(pixels));
+                if let Some(colors) = self.colors.as_ref().filter(|_| !frame.colors.is_empty()) {
+                    let word = |[r, g, b]: &[u8; 3]| u32::from_le_bytes([*r, *g, *b, 0]);
+                    let words: Vec<u32> = frame.colors.iter().map(word).collect();
+                    let offset = (place * self.room * 4) as u64;
+                    gpu.queue.write_buffer(&colors.buffer, offset, bytemuck::cast_slice(&words));
+                }
                 place
             }
         };
         self.held[place].asked = self.calls;
         Ok((place * self.room) as u32)
+    }
+
+    fn grow(&mut self, gpu: &Gpu, places: u64) -> Result<()> {
+        // The colours first: places are counted by the pixels.
+        self.colors.as_mut().map_or(Ok(()), |colors| colors.grow(gpu, places))?;
+        self.pool.grow(gpu, places)
     }
 
     /// A place for another key frame: one that nobody else holds, then a new one, then the one that
@@ -90,7 +121,7 @@ impl Pixels {
         let places = self.held.len() as u64 + 1;
         if places > self.pool.capacity() {
             let ahead = (2 * places).min(most as u64).max(places);
-            match (self.pool.grow(gpu, ahead), other) {
+            match (self.grow(gpu, ahead), other) {
                 (Ok(()), _) => {}
                 (Err(Error::ResourceExhausted { .. }), Some(place)) => return Ok(place),
                 (Err(error), _) => return Err(error),
@@ -122,7 +153,7 @@ mod tests {
     #[test]
     fn pixels_come_once_and_give_way_when_nobody_holds_them() {
         let gpu = Gpu::open(Adapters::Any).expect("an adapter");
-        let mut pixels = Pixels::new(&gpu, 7, 0).expect("room");
+        let mut pixels = Pixels::new(&gpu, 7, 0, false).expect("room");
         let mut all = frames(0..LEAST as u16 + 4);
         let mut placed = Vec::new();
         for pair in all.chunks(2) {

@@ -48,6 +48,17 @@ impl Pool {
         if records <= self.records { Ok(()) } else { self.grow(gpu, records + records / 2) }
     }
 
+    /// Room for exactly `records`: nothing happens where there is, else all of it is zero. There is
+    /// always room for one.
+    pub(super) fn replace(&mut self, gpu: &Gpu, records: u64) -> Result<()> {
+        let records = records.max(1);
+        if records != self.records {
+            self.buffer = gpu.buffer(self.name, records * self.record_bytes)?;
+            self.records = records;
+        }
+        Ok(())
+    }
+
     /// The whole buffer, for a kernel.
     pub(super) fn binding(&self) -> wgpu::BindingResource<'_> {
         self.buffer.as_entire_binding()

@@ -10,6 +10,7 @@ use super::kernel::Kernel;
 use super::layout::{LOSSES, ROW_QUADS, RowColumns};
 use super::passes::{Clock, Passes};
 use super::pool::Pool;
+use super::radiance::{ColorResults, Radiance};
 use super::rows::Rows;
 use crate::backend::{Losses, StepReport};
 use crate::error::{Error, Result};
@@ -44,6 +45,8 @@ pub(super) struct Readback {
     mapped: Arc<AtomicBool>,
     room: u32,
     weights: [usize; 2],
+    /// Words of colours, and vertices of a block.
+    colors: [usize; 2],
     passes: Vec<&'static str>,
     pub(super) submitted: Instant,
     /// Counts submissions.
@@ -66,6 +69,7 @@ pub(super) struct Results {
     pub(super) sdf: Vec<f32>,
     pub(super) occupancy: Vec<f32>,
     pub(super) passes: Vec<(&'static str, f32)>,
+    pub(super) colors: ColorResults,
 }
 
 /// What a readback copies beside rows.
@@ -93,15 +97,16 @@ impl Collector {
         gpu: &Gpu,
         mut passes: Passes,
         sources: &Sources<'_>,
-        number: u64,
-        (rays, samples): (u32, u32),
+        mut radiance: Option<&mut Radiance>,
+        (number, rays, samples): (u64, u32, u32),
     ) -> Result<Readback> {
         let room = self.rows;
         self.copied.grow(gpu, room.into())?;
         gpu.write(&self.room, &[room, 0, 0, 0]);
         let weights = [Some(sources.sdf), sources.occupancy]
             .map(|decoder| decoder.map_or(0, |d| d.weights.size() as usize / 4));
-        let words = HEADER + weights[0] + weights[1] + room as usize * ROW_WORDS;
+        let colors = radiance.as_ref().map_or([0, 1], |radiance| radiance.results());
+        let words = HEADER + weights[0] + weights[1] + room as usize * ROW_WORDS + colors[0];
         let times_at = (words as u64 * 4).next_multiple_of(256);
         let buffer = gpu.read_buffer("results", times_at + Clock::BYTES)?;
         let buffers = [
@@ -131,6 +136,9 @@ impl Collector {
             copy(&decoder.weights, weights[1]);
         }
         copy(&self.copied.buffer, room as usize * ROW_WORDS);
+        if let Some(radiance) = &mut radiance {
+            radiance.collect(gpu, &mut passes, &buffer, at)?;
+        }
         self.trim.bind(gpu, &buffers)?.dispatch(&mut passes, 1);
         passes.resolve(&buffer, times_at);
         let Passes { encoder, names, .. } = passes;
@@ -146,6 +154,7 @@ impl Collector {
             mapped,
             room,
             weights,
+            colors,
             passes: names,
             submitted,
             number,
@@ -211,7 +220,10 @@ impl Readback {
         let sdf = take(self.weights[0]).iter().map(float).collect();
         let occupancy = take(self.weights[1]).iter().map(float).collect();
         let copies = changed.min(self.room);
-        let rows = take(copies as usize * ROW_WORDS).chunks_exact(ROW_WORDS).map(|words| {
+        let copied = take(self.room as usize * ROW_WORDS);
+        let [color_words, vertices] = self.colors;
+        let colors = ColorResults::read(take(color_words), vertices);
+        let rows = copied.chunks_exact(ROW_WORDS).take(copies as usize).map(|words| {
             let mut columns = [0.0; 4 * ROW_QUADS];
             for (column, word) in columns.iter_mut().zip(words) {
                 *column = float(word);
@@ -228,6 +240,7 @@ impl Readback {
             sdf,
             occupancy,
             passes: clock.map_or_else(Vec::new, |clock| clock.read(&self.passes, times)),
+            colors,
         })
     }
 }
@@ -249,7 +262,7 @@ impl Results {
                 eikonal_space: mean(sums[4], free_eikonal),
                 occupancy: mean(sums[5], samples),
                 consistency: mean(sums[6], free + perturbed),
-                photometric: 0.0,
+                photometric: self.colors.loss(),
                 total: f64::from(sums[7]),
             },
             samples,

@@ -1,6 +1,6 @@
 //! The passes of one step on samples: locate, occupancy, distance, rows, decoders.
 
-use super::decoder::GpuDecoder;
+use super::decoder::{GpuDecoder, with_decoder};
 use super::device::Gpu;
 use super::kernel::Kernel;
 use super::layout::{NONE, ROW_QUADS, Sample, Site, Step};
@@ -18,7 +18,7 @@ use crate::octree::{NodeSource, Root};
 use crate::train::Batch;
 
 /// Points of a tile of the fused kernels.
-const TILE: u32 = 32;
+pub(super) const TILE: u32 = 32;
 /// Workgroups of the pass over touched rows, which loops.
 const ROW_GROUPS: u32 = 256;
 
@@ -165,31 +165,33 @@ impl Training {
         let locate = self.locate[which].bind(gpu, &buffers)?;
         locate.dispatch(passes, samples.div_ceil(64));
         if let (Some(kernel), Some(decoder)) = (&self.occupancy, model.occupancy) {
-            let occupancy = kernel.bind(gpu, &with_decoder(&buffers, decoder))?;
+            let occupancy = kernel.bind(gpu, &with_decoder(&buffers, decoder, 0))?;
             occupancy.dispatch(passes, occupancy_lanes(samples));
         }
-        let distance = self.distance[which].bind(gpu, &with_decoder(&buffers, model.sdf))?;
+        let distance = self.distance[which].bind(gpu, &with_decoder(&buffers, model.sdf, 0))?;
         distance.dispatch(passes, distance_lanes(stencil, samples));
         Ok(())
     }
 
-    /// Records the passes that take the step: rows, then decoders.
+    /// Records the passes that take the step: rows, then decoders; of `more` lanes of the distance's
+    /// decoder too.
     pub(super) fn optimise(
         &self,
         gpu: &Gpu,
         passes: &mut Passes,
         model: &Model<'_>,
-        stencil: Stencil,
-        samples: u32,
+        (stencil, samples): (Stencil, u32),
+        more: u32,
     ) -> Result<()> {
         let buffers = self.buffers(model);
         self.rows.bind(gpu, &buffers)?.dispatch(passes, ROW_GROUPS);
         let step = || self.step.as_entire_binding();
         let touched = || model.rows.touched.binding();
-        let lanes = distance_lanes(stencil, samples);
+        let lanes = [distance_lanes(stencil, samples), more];
         model.sdf.optimise(gpu, passes, step(), touched(), lanes)?;
         if let Some(decoder) = model.occupancy {
-            decoder.optimise(gpu, passes, step(), touched(), occupancy_lanes(samples))?;
+            let lanes = [occupancy_lanes(samples), 0];
+            decoder.optimise(gpu, passes, step(), touched(), lanes)?;
         }
         Ok(())
     }
@@ -254,14 +256,4 @@ fn least_bytes(pass: &str, results: &Results, samples: u64) -> u64 {
         "optim/collect" => results.rows.len() as u64 * 2 * (COLUMNS + QUAD),
         _ => 0,
     }
-}
-
-fn with_decoder<'a>(
-    buffers: &[(&'static str, wgpu::BindingResource<'a>)],
-    decoder: &'a GpuDecoder,
-) -> Vec<(&'static str, wgpu::BindingResource<'a>)> {
-    let mut buffers = buffers.to_vec();
-    buffers.push(("weights", decoder.weights.as_entire_binding()));
-    buffers.push(("partials", decoder.partials.as_entire_binding()));
-    buffers
 }

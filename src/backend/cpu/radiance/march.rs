@@ -11,13 +11,13 @@ use crate::train::ColorRay;
 
 /// A ray is followed from this far before its return, m of depth, where the mist of a soft surface
 /// begins; what lies before is free and takes no light ...
-const BEFORE_M: f32 = 0.3;
+pub(in crate::backend) const BEFORE_M: f32 = 0.3;
 /// ... to this far behind it (algorithms.md §7).
-const BEHIND_M: f32 = 0.12;
+pub(in crate::backend) const BEHIND_M: f32 = 0.12;
 /// A voxel is passed in pieces of at most this share of its edge, as images are drawn.
-const PIECE: f32 = 0.5;
+pub(in crate::backend) const PIECE: f32 = 0.5;
 /// The nearest corner of a voxel is at most this many edges from a point in it: √3 / 2.
-const HALF_DIAGONAL: f32 = 0.8661;
+pub(in crate::backend) const HALF_DIAGONAL: f32 = 0.8661;
 
 /// The pieces of some rays. A point is where one piece ends and the next begins.
 #[derive(Debug, Default)]

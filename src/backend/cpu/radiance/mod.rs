@@ -4,12 +4,13 @@
 mod march;
 mod rows;
 #[cfg(test)]
-mod tests;
+pub(in crate::backend) mod tests;
 
 use glam::Vec3;
 use rayon::prelude::*;
 
 use self::march::March;
+pub(in crate::backend) use self::march::{BEFORE_M, BEHIND_M, HALF_DIAGONAL, PIECE};
 use self::rows::Rows;
 use super::chunk::{self, CHUNK, Output};
 use super::plan::Plan;
@@ -26,13 +27,13 @@ use crate::train::{Batch, ColorRay, SampleKind};
 /// Rays a task; fixed, so that sums do not depend on the threads.
 const RAYS: usize = 64;
 /// A ray that loses less light than this has no colour.
-const LEAST_TAKEN: f32 = 0.5;
+pub(in crate::backend) const LEAST_TAKEN: f32 = 0.5;
 /// Distances beyond this learn nothing from colours, m: a surface is not moved from afar
 /// (algorithms.md §7).
-const NEAR_M: f32 = 0.1;
+pub(in crate::backend) const NEAR_M: f32 = 0.1;
 
 /// What training colours keeps from step to step.
-pub(super) struct Radiance {
+pub(in crate::backend) struct Radiance {
     rows: Rows,
     plan: Plan,
     outputs: Vec<Output>,
@@ -102,6 +103,35 @@ impl CpuBackend {
         batch: &mut Batch,
     ) -> f64 {
         self.radiance.rows.resize(field.band.rows());
+        let (march, mut all) = self.compared(host, field, rays, parameters, radiance);
+        // The loss is a mean over the rays that have a colour, and over channels.
+        let factor = radiance.weight / (3 * all.rays.max(1)) as f32;
+        for (_, by) in &mut all.by_rows {
+            *by = by.map(|by| by * factor);
+        }
+        let vertices = field.band.scale.vertices();
+        self.radiance.rows.step(&all.by_rows, vertices, radiance.rate);
+        if radiance.sharpens {
+            for (point, by) in all.by_points {
+                batch.points.push(march.points[point as usize]);
+                batch.kinds.push(SampleKind::Ray);
+                batch.distances.push(by * factor);
+                batch.occupancies.push(0.0);
+                batch.eikonal.push(false);
+            }
+        }
+        all.loss / f64::from(all.rays.max(1))
+    }
+
+    /// Follows rays, and finds what their colours say before anything is stepped.
+    fn compared<N: NodeSource + Sync>(
+        &mut self,
+        host: &Host<'_, N>,
+        field: &ColorField,
+        rays: &[ColorRay],
+        parameters: &StepParameters,
+        radiance: &RadianceParameters,
+    ) -> (March, Compared) {
         let mut march = self.pool.install(|| self.march(host, radiance, rays));
         self.distances_at(host, &march, parameters);
         for (piece, points) in march.pieces.iter_mut().zip(&march.points_of) {
@@ -125,23 +155,7 @@ impl CpuBackend {
             all.loss += part.loss;
             all.rays += part.rays;
         }
-        // The loss is a mean over the rays that have a colour, and over channels.
-        let factor = radiance.weight / (3 * all.rays.max(1)) as f32;
-        for (_, by) in &mut all.by_rows {
-            *by = by.map(|by| by * factor);
-        }
-        let vertices = field.band.scale.vertices();
-        self.radiance.rows.step(&all.by_rows, vertices, radiance.rate);
-        if radiance.sharpens {
-            for (point, by) in all.by_points {
-                batch.points.push(march.points[point as usize]);
-                batch.kinds.push(SampleKind::Ray);
-                batch.distances.push(by * factor);
-                batch.occupancies.push(0.0);
-                batch.eikonal.push(false);
-            }
-        }
-        all.loss / f64::from(all.rays.max(1))
+        (march, all)
     }
 
     fn march<N: NodeSource + Sync>(

@@ -11,10 +11,10 @@ use crate::modality::test_tree::Tree;
 use crate::octree::{BandScale, Cell};
 use crate::surface::{ColorState, SeenColor};
 
-const SCALE: BandScale = BandScale { cell_m: 0.1, log2_side: 2 };
+pub(in crate::backend) const SCALE: BandScale = BandScale { cell_m: 0.1, log2_side: 2 };
 
 /// A band all over the tree, painted by place.
-fn painted(color: impl Fn(Vec3) -> Vec3) -> ColorField {
+pub(in crate::backend) fn painted(color: impl Fn(Vec3) -> Vec3) -> ColorField {
     let cells: Vec<Cell> =
         (0..729).map(|i| [i % 9, i / 9 % 9, i / 81].map(|c: i32| c - 4)).collect();
     let mut seen = Vec::new();
@@ -33,13 +33,13 @@ fn painted(color: impl Fn(Vec3) -> Vec3) -> ColorField {
 }
 
 /// Stripes across x and y, about as fine as the vertices can hold.
-fn stripes(at: Vec3) -> Vec3 {
+pub(in crate::backend) fn stripes(at: Vec3) -> Vec3 {
     let phase = at * 30.0;
     Vec3::new(phase.x.sin(), phase.y.cos(), (phase.x + phase.y).sin()) * 0.3 + 0.5
 }
 
 /// Slanting rays onto the plane z = 0, and the colours that `seen` has there.
-fn rays(count: usize, seen: impl Fn(Vec3) -> Vec3) -> Vec<ColorRay> {
+pub(in crate::backend) fn rays(count: usize, seen: impl Fn(Vec3) -> Vec3) -> Vec<ColorRay> {
     let ray = |i: usize| {
         let r = random(9, i);
         let end = Vec3::new(0.25 * r[0], 0.25 * r[1], 0.0);
@@ -49,15 +49,15 @@ fn rays(count: usize, seen: impl Fn(Vec3) -> Vec3) -> Vec<ColorRay> {
     (0..count).map(ray).collect()
 }
 
-fn plane(offset_m: f32) -> Tree {
+pub(in crate::backend) fn plane(offset_m: f32) -> Tree {
     mixed_tree(move |at| [at.z + offset_m, 0.0, 0.0, 1.0])
 }
 
-fn radiance(rate: f32, sharpness: f32) -> RadianceParameters {
+pub(in crate::backend) fn radiance(rate: f32, sharpness: f32) -> RadianceParameters {
     RadianceParameters { rays: 0, rate, sharpness, weight: 10.0, sharpens: true }
 }
 
-fn compare(
+pub(in crate::backend) fn compare(
     backend: &mut CpuBackend,
     tree: &Tree,
     field: &ColorField,
@@ -70,15 +70,78 @@ fn compare(
     (loss, batch)
 }
 
-#[test]
-fn gradients_are_central_differences() {
-    let (tree, field) = (plane(0.01), painted(stripes));
-    let mut backend = rough_backend(Profile::Lite, 1, tree.rows.len());
-    // Not so rough that distances beyond the reach of colours take part.
+/// What a comparison finds before anything is stepped, for whoever must find the same.
+pub(in crate::backend) struct Found {
+    /// Of each ray: the points on it, where they are (t), f there, and ∂/∂f of the sum of |Ĉ − C|.
+    pub(in crate::backend) rays: Vec<Vec<FoundPoint>>,
+    /// ∂/∂(logits of a vertex) of the same, ascending.
+    pub(in crate::backend) by_rows: Vec<(u32, [f32; 3])>,
+    pub(in crate::backend) loss: f64,
+    pub(in crate::backend) compared: u32,
+}
+
+#[derive(Debug, Clone, Copy)]
+pub(in crate::backend) struct FoundPoint {
+    pub(in crate::backend) place: Vec3,
+    pub(in crate::backend) t: f32,
+    pub(in crate::backend) f: f32,
+    pub(in crate::backend) by_f: f32,
+}
+
+pub(in crate::backend) fn found(
+    backend: &mut CpuBackend,
+    tree: &Tree,
+    field: &ColorField,
+    rays: &[ColorRay],
+    radiance: &RadianceParameters,
+) -> Found {
+    backend.radiance.rows.resize(field.band.rows());
+    let host = Host { nodes: tree, prior: &tree.prior };
+    let p = parameters(Stencil::Forward);
+    let (march, all) = backend.compared(&host, field, rays, &p, radiance);
+    let point = |(place, f): (&Vec3, &f32)| FoundPoint { place: *place, t: 0.0, f: *f, by_f: 0.0 };
+    let mut points: Vec<FoundPoint> =
+        march.points.iter().zip(&backend.radiance.distances).map(point).collect();
+    for (piece, ends) in march.pieces.iter().zip(&march.points_of) {
+        for (end, t) in ends.iter().zip(piece.t) {
+            points[*end as usize].t = t;
+        }
+    }
+    for (point, by) in &all.by_points {
+        points[*point as usize].by_f += by;
+    }
+    let mut begin = 0;
+    let of_ray = |&end: &u32| {
+        let pieces = &march.points_of[std::mem::replace(&mut begin, end as usize)..end as usize];
+        let last = pieces.last().map_or(0, |last| last[1] + 1);
+        points[pieces.first().map_or(0, |first| first[0]) as usize..last as usize].to_vec()
+    };
+    let mut by_rows = std::collections::BTreeMap::<u32, Vec3>::new();
+    for (row, by) in &all.by_rows {
+        *by_rows.entry(*row).or_default() += Vec3::from(*by);
+    }
+    Found {
+        rays: march.ends.iter().map(of_ray).collect(),
+        by_rows: by_rows.into_iter().map(|(row, by)| (row, by.to_array())).collect(),
+        loss: all.loss,
+        compared: all.rays,
+    }
+}
+
+/// A backend whose rows are far from zero, but not so far that distances leave the reach of colours.
+pub(in crate::backend) fn uneven_backend(profile: Profile, rows: usize) -> CpuBackend {
+    let mut backend = rough_backend(profile, 1, rows);
     for row in &mut backend.rows.learned {
         row.explicit = row.explicit.map(|x| 0.1 * x);
         row.sdf_feature = row.sdf_feature.map(|x| 0.2 * x);
     }
+    backend
+}
+
+#[test]
+fn gradients_are_central_differences() {
+    let (tree, field) = (plane(0.01), painted(stripes));
+    let mut backend = uneven_backend(Profile::Lite, tree.rows.len());
     // Far from every colour, so that no difference changes its sign.
     let rays = rays(24, |_| Vec3::new(2.0, -1.0, 2.0));
     let radiance = RadianceParameters { weight: 100.0, ..radiance(0.0, 80.0) };

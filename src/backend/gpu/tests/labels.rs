@@ -8,6 +8,7 @@ use super::*;
 use crate::backend::CpuBackend;
 use crate::backend::gpu::layout::{NONE, Sample, Step};
 use crate::backend::gpu::pool::Pool;
+use crate::backend::gpu::sampling::Slots;
 use crate::dataset::synthetic::Synthetic;
 use crate::modality::losses::Stencil;
 use crate::train::{KeyFrame, RAY_SAMPLES, RayPlan, SampleKind, sample, stale_m};
@@ -108,7 +109,8 @@ impl Drawer {
         let parameters = twin::parameters(Stencil::Forward);
         let plan = plan(world);
         let work = Work { frames: &frames, plan, steps, parameters };
-        let count = self.sampling.prepare(&self.gpu, &world.surface, &work).expect("room");
+        let drawn = self.sampling.prepare(&self.gpu, &world.surface, &work).expect("room");
+        let count = drawn.samples;
         assert_eq!(count, RAYS * RAY_SAMPLES);
         let rows = world.topology.rows() as u32;
         let numbers = training::numbers(&world.topology, rows, count, &parameters);

@@ -1,7 +1,9 @@
 //! Every kernel against its twin on the CPU, on whatever adapter there is: no adapter is a failure.
 
+mod colored;
 mod labels;
 mod pools;
+mod radiance;
 mod shaders;
 mod twins;
 mod world;
@@ -16,7 +18,11 @@ use crate::train::Batch;
 
 /// A backend on any adapter, with the rows and decoders of a CPU backend.
 fn like(cpu: &crate::backend::CpuBackend, profile: Profile, tree: &Tree) -> GpuBackend {
-    let mut gpu = GpuBackend::new(&twin::config(profile), Adapters::Any, 1024)
+    like_of(&twin::config(profile), cpu, tree)
+}
+
+fn like_of(config: &MapConfig, cpu: &crate::backend::CpuBackend, tree: &Tree) -> GpuBackend {
+    let mut gpu = GpuBackend::new(config, Adapters::Any, 1024)
         .expect("an adapter: tests need a Vulkan driver, software will do");
     gpu.reserve(tree.rows.len()).expect("room");
     gpu.rows_used = tree.rows.len();
@@ -55,7 +61,9 @@ fn run(gpu: &mut GpuBackend, tree: &Tree, batch: &Batch, p: &StepParameters, ste
     let model = gpu.model();
     gpu.training.accumulate(&gpu.gpu, &mut passes, &model, p.stencil, samples).expect("passes");
     if step {
-        gpu.training.optimise(&gpu.gpu, &mut passes, &model, p.stencil, samples).expect("passes");
+        gpu.training
+            .optimise(&gpu.gpu, &mut passes, &model, (p.stencil, samples), 0)
+            .expect("passes");
     }
     gpu.submit(passes, 0, samples).expect("a device");
     gpu.hear().expect("results");

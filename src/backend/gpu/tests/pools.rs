@@ -63,7 +63,7 @@ fn voided_rows_are_zero_and_results_from_before_do_not_bring_them_back() {
     let mut passes = Passes::new(&gpu.gpu, None);
     let model = gpu.model();
     gpu.training.accumulate(&gpu.gpu, &mut passes, &model, p.stencil, samples).expect("passes");
-    gpu.training.optimise(&gpu.gpu, &mut passes, &model, p.stencil, samples).expect("passes");
+    gpu.training.optimise(&gpu.gpu, &mut passes, &model, (p.stencil, samples), 0).expect("passes");
     gpu.submit(passes, 0, samples).expect("a device");
     let voided: Vec<u32> = (0..tree.rows.len() as u32).step_by(3).collect();
     gpu.void(&voided).expect("a device");

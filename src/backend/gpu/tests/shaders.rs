@@ -1,7 +1,7 @@
 //! All shaders compile, and mean the same by what they share with the host.
 
 use super::super::shader::{self, Constant};
-use super::super::{layout, sampling};
+use super::super::{layout, radiance, sampling};
 use crate::octree::GRADIENT_SHARE;
 use crate::surface::RIM_SHARE;
 use crate::train::SampleKind;
@@ -26,14 +26,23 @@ fn kernels() -> Vec<(&'static str, Vec<(&'static str, Constant)>)> {
         ("mirror/clear", vec![]),
         ("mirror/write", vec![("WORDS", u(4))]),
         ("optim/collect", vec![]),
+        ("optim/collect_colors", vec![("VERTICES", u(64))]),
+        ("optim/colors", vec![]),
         ("optim/decoder", vec![("LANE_QUADS", u(100))]),
         ("optim/rows", vec![]),
         ("optim/trim", vec![]),
+        ("train/colors", radiance::compare_constants().to_vec()),
         ("train/distance", distance(64, 64, 7, 1)),
         ("train/distance", distance(32, 0, 4, 0)),
+        ("train/field", decoder(16, 64, 64)),
         ("train/locate", vec![("POINTS", u(7))]),
+        ("train/march", radiance::march_constants(0).to_vec()),
+        ("train/march", radiance::march_constants(1).to_vec()),
         ("train/occupancy", decoder(8, 32, 0)),
-        ("train/sample", sampling::constants().to_vec()),
+        ("train/rays", sampling::label_constants().to_vec()),
+        ("train/sample", sampling::constants()),
+        ("train/scan", vec![]),
+        ("train/sharpen", decoder(16, 32, 0)),
     ]
 }
 
@@ -67,10 +76,15 @@ fn constants_are_the_hosts() {
     use crate::modality::{OCCUPANCY_FEATURES, SDF_FEATURES, losses, occupancy, sdf};
     use naga::{Expression, Literal};
 
-    let module = parsed("optim/rows", &[]);
+    let modules =
+        [parsed("optim/rows", &[]), parsed("train/colors", &radiance::compare_constants())];
     let value = |name: &str| {
-        let constant = module.constants.iter().find(|(_, c)| c.name.as_deref() == Some(name));
-        let (_, constant) = constant.unwrap_or_else(|| panic!("no constant {name}"));
+        let has = |module: &&naga::Module| {
+            module.constants.iter().any(|(_, c)| c.name.as_deref() == Some(name))
+        };
+        let module = modules.iter().find(has).unwrap_or_else(|| panic!("no constant {name}"));
+        let named = |c: &(_, &naga::Constant)| c.1.name.as_deref() == Some(name);
+        let (_, constant) = module.constants.iter().find(named).expect("it has it");
         match module.global_expressions[constant.init] {
             Expression::Literal(Literal::U32(x)) => f64::from(x),
             Expression::Literal(Literal::F32(x)) => f64::from(x),
@@ -105,6 +119,9 @@ fn constants_are_the_hosts() {
         ("EPSILON", adam::EPSILON.into()),
         ("LOG2_BETA1", log2(adam::BETA1)),
         ("LOG2_BETA2", log2(adam::BETA2)),
+        ("COLOR_MARGIN", crate::modality::radiance::MARGIN.into()),
+        ("LIGHT_REACH", crate::modality::density::REACH.into()),
+        ("LOSS_UNITS", radiance::LOSS_UNITS),
     ] {
         let found = value(name);
         assert!((found - host).abs() <= 1e-5 * host.abs(), "{name}: {found}, not {host}");
@@ -114,9 +131,13 @@ fn constants_are_the_hosts() {
 /// A struct's members and their offsets, and its size.
 #[test]
 fn structs_lie_as_the_hosts() {
-    let module = parsed("train/sample", &sampling::constants());
+    let modules = [
+        parsed("train/sample", &sampling::constants()),
+        parsed("train/march", &radiance::march_constants(1)),
+    ];
     let layout_of = |name: &str| {
-        let found = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name));
+        let mut types = modules.iter().flat_map(|module| module.types.iter());
+        let found = types.find(|(_, ty)| ty.name.as_deref() == Some(name));
         let (_, ty) = found.unwrap_or_else(|| panic!("no struct {name}"));
         let naga::TypeInner::Struct { members, span } = &ty.inner else { panic!("no struct") };
         let member =
@@ -161,7 +182,23 @@ fn structs_lie_as_the_hosts() {
         radius_m,
         stale_m
     );
-    same!(layout::Frame, "Frame", origin, first, x_axis, pixels, y_axis, z_axis, camera);
+    same!(layout::Frame, "Frame", origin, first, x_axis, pixels, y_axis, z_axis, camera, gain);
     same!(layout::Sample, "Sample", point, distance, occupancy, kind, eikonal, padding);
     same!(layout::Site, "Site", centre, around, padding);
+    same!(layout::Ray, "Ray", origin, z, direction, points, color, first);
+    same!(layout::RayPoint, "RayPoint", place, t, f, by_f, ends, voxel);
+    same!(
+        layout::Radiance,
+        "Radiance",
+        rays,
+        room,
+        surface_log2,
+        sharpness,
+        reach_m,
+        weight,
+        rate,
+        units,
+        log2_side,
+        vertices_per_m
+    );
 }

@@ -26,6 +26,7 @@ pub(super) struct Told {
     pub(super) measured: Vec<u32>,
     pub(super) surfels: Vec<u32>,
     pub(super) bricks: Vec<u32>,
+    pub(super) colors: Vec<u32>,
     pub(super) removed: usize,
 }
 
@@ -38,18 +39,27 @@ impl Told {
             measured: &self.measured,
             surfels: &self.surfels,
             bricks: &self.bricks,
+            colors: &self.colors,
         }
     }
 }
 
 impl World {
     pub(super) fn new() -> Self {
-        let config = twin::config(Profile::Lite);
+        Self::of(twin::config(Profile::Lite))
+    }
+
+    /// A world that is seen in colour, if its map trains on colours.
+    pub(super) fn of(config: MapConfig) -> Self {
         let lattice = Lattice::new(&config);
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+        let mut surface = Surface::new(&config);
+        if let Some(color) = &mut surface.color {
+            color.band.limit(100_000);
+        }
         Self {
             topology: Topology::new(lattice.unit_m, lattice.brick),
-            surface: Surface::new(&config),
+            surface,
             config,
             pool: Arc::new(pool),
             window: Vec::new(),
@@ -59,13 +69,15 @@ impl World {
 
     /// Takes a frame in, as a mapper does.
     pub(super) fn see(&mut self, data: &Synthetic, index: usize) -> Told {
-        let frame = data.load(index, false).expect("a frame");
+        let colored = self.config.radiance.rays_per_step > 0;
+        let frame = data.load(index, colored).expect("a frame");
         self.frames += 1;
         let rows = self.topology.rows() as u32;
         let change =
             self.surface.integrate(&frame, None, self.frames, &mut self.topology, &self.pool);
         let pixels = self.config.key_frame_pixels as usize;
-        let view = KeyFrame::new(&frame, None, pixels, self.config.r0_m, None);
+        let gain = colored.then_some(change.gain);
+        let view = KeyFrame::new(&frame, None, pixels, self.config.r0_m, gain);
         self.window.pop();
         self.window.truncate(4);
         self.window.insert(0, view.clone());
@@ -76,6 +88,7 @@ impl World {
             measured: change.prior.measured,
             surfels: change.surfels,
             bricks: change.touched_bricks,
+            colors: change.colors,
             removed: change.surfels_removed,
         }
     }
@@ -87,8 +100,13 @@ impl World {
             measured: (0..self.topology.rows() as u32).collect(),
             surfels: (0..self.surface.surfels.slots() as u32).collect(),
             bricks: (0..self.surface.evidence.bricks() as u32).collect(),
+            colors: (0..self.blocks()).collect(),
             removed: 0,
         }
+    }
+
+    fn blocks(&self) -> u32 {
+        self.surface.color.as_ref().map_or(0, |color| color.band.blocks() as u32)
     }
 
     pub(super) fn scene(&self) -> Scene<'_> {
@@ -103,5 +121,6 @@ fn close_by(mut frame: KeyFrame) -> KeyFrame {
     let close = Pixel { z: 0.13, ..pixel };
     frame.origin += frame.direction(pixel) * (pixel.z - close.z);
     frame.pixels = [close].into();
+    frame.colors = frame.colors.iter().take(1).copied().collect();
     frame
 }
