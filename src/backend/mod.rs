@@ -19,6 +19,9 @@ use crate::train::{KeyFrame, RayPlan};
 
 pub use cpu::{CpuBackend, Host};
 pub use gpu::{AdapterReport, Adapters, GpuBackend, adapters};
+pub use gpu::{
+    BlockRecord, Extent, GpuRenderer, GpuScene, NodeRecord, Planes, Rules, Shot, Times, Wanted,
+};
 
 /// The pass that draws and labels samples, where that is a pass of the host.
 pub const LABELS: &str = "labels";
