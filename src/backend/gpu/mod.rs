@@ -15,7 +15,7 @@ mod passes;
 mod pixels;
 mod pool;
 mod readback;
-mod render;
+pub mod render;
 mod rows;
 mod sampling;
 mod shader;
@@ -36,10 +36,6 @@ pub use self::device::{AdapterReport, Adapters, adapters};
 use self::mirror::Mirror;
 use self::passes::{Clock, Passes};
 use self::readback::{Collector, Readback, Sources};
-pub use self::render::{
-    BlockRecord, Extent, GpuRenderer, GpuScene, NodeRecord, Planes, Rules, Shot, TILE, Times,
-    Wanted,
-};
 use self::rows::Rows;
 use self::sampling::{Sampling, Slots};
 use self::surface::SurfaceMirror;

@@ -20,7 +20,8 @@ use std::sync::Arc;
 
 use self::picture::Canvas;
 pub use self::picture::{Planes, Shot, Times, Wanted};
-pub use self::rules::{Rules, TILE};
+pub use self::rules::Rules;
+use self::rules::TILE;
 pub use self::scene::{BlockRecord, Extent, GpuScene, NodeRecord};
 use super::device::{Adapters, Gpu};
 use super::kernel::Kernel;

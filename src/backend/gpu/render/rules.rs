@@ -7,7 +7,7 @@ use crate::modality::density;
 use crate::surface::NEAR_M;
 
 /// Side of a tile, pixels; what shaders/render/draw.wgsl is written for.
-pub const TILE: u32 = 16;
+pub(super) const TILE: u32 = 16;
 
 /// What the CPU renderer draws by.
 #[derive(Debug, Clone, Copy)]
