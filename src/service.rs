@@ -121,7 +121,7 @@ impl Service {
             registry,
             sessions: AtomicU64::new(1),
             readers: Readers::start(config.query_threads, config.max_points)?,
-            studio: Studio::start(config.query_threads)?,
+            studio: Studio::start(config.query_threads, config.backend)?,
             counters: Arc::default(),
             times: Times::default(),
             words,

@@ -123,6 +123,32 @@ fn one_place_and_a_circle_are_drawn_with_the_outputs_that_were_asked_for() {
     assert_eq!(names(Path::new(&orbit)).len(), 6);
 }
 
+/// On any adapter: software will do, none will not.
+#[test]
+fn a_gpu_draws_the_same_files() {
+    let mapped = Mapped::new(&[]);
+    let (map, truth) = (mapped.name("room.orenx"), mapped.name("truth/novel"));
+    let files = |backend: &str| {
+        let out = mapped.name(backend);
+        let outputs = "color,depth,unknown";
+        let draw = ["render", &map, "--poses", &truth, "--outputs", outputs, "--out", &out];
+        done(&[&draw[..], &["--backend", backend]].concat());
+        let load = |name: &String| image::open(Path::new(&out).join(name)).unwrap().into_rgb16();
+        let names = names(Path::new(&out));
+        (names.iter().map(load).collect::<Vec<_>>(), names)
+    };
+    let ((cpu, names), (gpu, same_names)) = (files("cpu"), files("gpu"));
+    assert_eq!((names.len(), &names), (6, &same_names));
+    for (name, (cpu, gpu)) in names.iter().zip(cpu.iter().zip(&gpu)) {
+        let pairs = || cpu.as_raw().iter().zip(gpu.as_raw());
+        // A step of 8 bits is 257 of 16; of depth, a millimetre.
+        let step = if name.contains("depth") { 1 } else { 257 };
+        let beyond = pairs().filter(|(a, b)| a.abs_diff(**b) > step).count();
+        assert!(beyond * 500 <= cpu.as_raw().len(), "{name}: {beyond} numbers differ");
+        assert!(pairs().any(|(a, _)| *a > 0), "{name} shows something");
+    }
+}
+
 /// The recording of a folder, its unseen views, and nothing exact to judge distances by.
 #[test]
 fn an_ablation_is_a_report_with_plots() {
@@ -166,6 +192,7 @@ fn bad_arguments_are_named() {
         (&["--fov", "180"], "fov"),
         (&["--outputs", "color,heat"], "heat"),
         (&["--renderer", "gpu"], "gpu"),
+        (&["--renderer", "ray", "--backend", "gpu"], "backend"),
         (&["--orbit", "3"], "cannot be used with"),
     ] {
         let arguments = from(more);

@@ -18,6 +18,9 @@ use crate::surface::Surface;
 use crate::train::{KeyFrame, RayPlan};
 
 pub use cpu::{CpuBackend, Host};
+pub use gpu::render::{
+    BlockRecord, Extent, GpuRenderer, GpuScene, NodeRecord, Planes, Rules, Shot, Times, Wanted,
+};
 pub use gpu::{AdapterReport, Adapters, GpuBackend, adapters};
 
 /// The pass that draws and labels samples, where that is a pass of the host.

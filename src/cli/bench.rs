@@ -190,8 +190,9 @@ mod tests {
 
     #[test]
     fn a_small_room_is_drawn_by_both_renderers() {
-        let objects =
-            objects("bench render --frames 8 --width 48 --views 2 --rounds 1 --size 32x24");
+        let objects = objects(
+            "bench render --frames 8 --width 48 --views 2 --rounds 1 --size 32x24 --backend cpu",
+        );
         have_the_shape(&objects, "render");
         assert_eq!(values(&objects, "image_time").len(), 2, "one a renderer");
         assert_eq!(values(&objects, "depth_l1").len(), 2);
@@ -201,6 +202,22 @@ mod tests {
         {
             assert!(parse(line).is_err(), "{line}");
         }
+    }
+
+    #[test]
+    fn a_small_room_is_drawn_on_a_gpu_as_on_the_cpu() {
+        let line =
+            "bench render --frames 6 --width 48 --views 1 --rounds 1 --size 48x40 --backend gpu";
+        let objects = objects(line);
+        have_the_shape(&objects, "render");
+        assert_eq!(values(&objects, "image_time").len(), 3, "one a renderer");
+        for measure in ["images_per_second", "draw_time", "map_upload", "epoch_upload"] {
+            let [value] = values(&objects, measure)[..] else { panic!("{measure}: {objects:?}") };
+            assert!(value > 0.0, "{measure}: {value}");
+        }
+        assert!(values(&objects, "psnr_against_cpu")[0] > 45.0, "{objects:?}");
+        assert!(values(&objects, "depth_l1_against_cpu")[0] < 5e-5, "{objects:?}");
+        assert!(values(&objects, "unknown_against_cpu")[0] < 2e-3, "{objects:?}");
     }
 
     #[test]

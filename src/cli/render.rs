@@ -14,11 +14,13 @@ use self::viewpoints::{Orbit, Viewpoint};
 use super::credentials::CredentialArgs;
 use super::open::{asking_runtime, is_url, open_view};
 use crate::client::Questioner;
+use crate::config::BackendChoice;
 use crate::dataset::{cameras, pose};
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
 use crate::map::{
-    Camera, Encoding, MapView, Output, RenderSettings, Renderer, SamplePosition, query_pool, render,
+    Camera, Encoding, MapView, Output, Painter, RenderSettings, Renderer, SamplePosition, Subject,
+    query_pool, render,
 };
 use crate::service::{ImageKind, ImageQuestion};
 use crate::storage::write_file;
@@ -54,6 +56,10 @@ pub struct RenderArgs {
     /// tile is fast, ray the reference
     #[arg(long, value_enum, default_value = "tile")]
     pub renderer: Renderer,
+    /// What draws a map file by tiles: cpu, the default; gpu, also one in software; auto, a GPU where
+    /// there is a hardware one. A server draws on what it trains on
+    #[arg(long, value_enum, default_value = "cpu")]
+    pub backend: BackendChoice,
     /// Where on its way through a voxel a ray takes its color; for map files
     #[arg(long, value_enum, default_value = "zero-crossing")]
     pub sample: SamplePosition,
@@ -71,7 +77,7 @@ impl RenderArgs {
             let usual = [Output::Color, Output::Depth];
             outputs = usual[..if self.pose.is_some() { 1 } else { 2 }].to_vec();
         }
-        let source = Source::open(&self)?;
+        let mut source = Source::open(&self)?;
         let viewpoints = self.viewpoints(&source)?;
         if self.pose.is_none() {
             std::fs::create_dir_all(&self.out).map_err(|e| Error::io(&self.out, e))?;
@@ -127,17 +133,34 @@ impl RenderArgs {
 
 /// Who draws.
 enum Source {
-    View { view: Arc<MapView>, pool: ThreadPool, settings: RenderSettings },
-    Server { client: Questioner, runtime: Runtime, renderer: Renderer },
+    View {
+        view: Arc<MapView>,
+        pool: ThreadPool,
+        settings: RenderSettings,
+        /// `None`: the CPU draws.
+        painter: Option<Box<Painter>>,
+    },
+    Server {
+        client: Questioner,
+        runtime: Runtime,
+        renderer: Renderer,
+    },
 }
 
 impl Source {
     fn open(arguments: &RenderArgs) -> Result<Self> {
-        let RenderArgs { map, renderer, sample, .. } = arguments;
-        let (renderer, sample) = (*renderer, *sample);
+        let RenderArgs { map, renderer, sample, backend, .. } = arguments;
+        let (renderer, sample, backend) = (*renderer, *sample, *backend);
+        if backend == BackendChoice::Gpu && renderer == Renderer::Ray {
+            let problem = "gpu draws by tiles; rays are walked on the CPU (--renderer ray)";
+            return Err(Error::invalid("backend", problem));
+        }
         if is_url(map) {
             if sample != SamplePosition::ZeroCrossing {
                 return Err(Error::invalid("sample", "is for map files, not for servers"));
+            }
+            if backend != BackendChoice::Cpu {
+                return Err(Error::invalid("backend", "is for map files, not for servers"));
             }
             let runtime = asking_runtime()?;
             let client =
@@ -145,7 +168,12 @@ impl Source {
             return Ok(Self::Server { client, runtime, renderer });
         }
         let settings = RenderSettings { renderer, sample, ..RenderSettings::default() };
-        Ok(Self::View { view: open_view(Path::new(map))?, pool: query_pool(0)?, settings })
+        let view = open_view(Path::new(map))?;
+        let painter = match renderer {
+            Renderer::Tile => Painter::open(backend)?.map(Box::new),
+            Renderer::Ray => None,
+        };
+        Ok(Self::View { view, pool: query_pool(0)?, settings, painter })
     }
 
     fn bounds(&self) -> Result<Aabb> {
@@ -156,12 +184,20 @@ impl Source {
     }
 
     /// PNG files, one an output.
-    fn draw(&self, camera: &Camera, outputs: &[Output]) -> Result<Vec<Vec<u8>>> {
+    fn draw(&mut self, camera: &Camera, outputs: &[Output]) -> Result<Vec<Vec<u8>>> {
         match self {
-            Self::View { view, pool, settings } => {
+            Self::View { view, pool, settings, painter } => {
                 let channels = Output::channels(outputs.iter().copied());
-                let rendering = render(view, camera, channels, settings, pool, &|| false)
-                    .ok_or_else(|| Error::Internal("nobody asked to stop".into()))?;
+                let never = || false;
+                let rendering = match painter {
+                    Some(gpu) => {
+                        let subject = Subject { view, camera, channels, settings, text: None };
+                        gpu.render(&subject, pool, &never)?.0
+                    }
+                    None => render(view, camera, channels, settings, pool, &never),
+                };
+                let rendering =
+                    rendering.ok_or_else(|| Error::Internal("nobody asked to stop".into()))?;
                 outputs.iter().map(|output| rendering.encode(*output, Encoding::Png)).collect()
             }
             Self::Server { client, runtime, renderer } => {

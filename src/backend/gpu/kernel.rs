@@ -124,11 +124,20 @@ fn variant(constants: &[(&str, Constant)]) -> String {
 impl Bound<'_> {
     /// Adds a pass of `groups` workgroups.
     pub(super) fn dispatch(&self, passes: &mut super::passes::Passes, groups: u32) {
-        if groups > 0 {
+        self.dispatch_plane(passes, [groups, 1]);
+    }
+
+    /// Adds a pass of workgroups side by side.
+    pub(super) fn dispatch_plane(
+        &self,
+        passes: &mut super::passes::Passes,
+        [columns, rows]: [u32; 2],
+    ) {
+        if columns > 0 && rows > 0 {
             let mut pass = passes.begin(self.kernel.name);
             pass.set_pipeline(&self.kernel.pipeline);
             pass.set_bind_group(0, &self.group, &[]);
-            pass.dispatch_workgroups(groups, 1, 1);
+            pass.dispatch_workgroups(columns, rows, 1);
         }
     }
 }

@@ -19,6 +19,7 @@ mod places;
 mod pool;
 mod radiance;
 mod readback;
+pub mod render;
 mod rows;
 mod sampling;
 mod shader;

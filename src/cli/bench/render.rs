@@ -1,5 +1,7 @@
 //! `orenx bench render`: images of a mapped room, how fast and how true.
 
+mod on_gpu;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -9,12 +11,13 @@ use glam::Vec3;
 use image::RgbImage;
 use rayon::ThreadPool;
 
+use self::on_gpu::OnGpu;
 use super::clock::{Clock, Elapsed};
 use super::figure::{Figure, Target, Unit, median};
 use super::printer::Printer;
 use super::recording::Recording;
 use crate::cli::render::Size;
-use crate::config::{MapSettings, Profile, name_of};
+use crate::config::{BackendChoice, MapSettings, Profile, name_of};
 use crate::dataset::synthetic::{self, Synthetic};
 use crate::dataset::{self, Dataset, Format};
 use crate::frame::{ColorImage, DepthImage};
@@ -22,7 +25,7 @@ use crate::map::{
     Camera, Channels, MapView, RenderSettings, Renderer, Rendering, query_pool, render,
 };
 
-/// Images of the synthetic room: time by tiles and by rays, error against the truth
+/// Images of the synthetic room: time by tiles, on a GPU too, and by rays; error against the truth
 #[derive(Debug, Args)]
 pub(super) struct RenderBenchArgs {
     /// Map this recording, and draw the views of its folder `novel`, instead of the synthetic room
@@ -49,6 +52,10 @@ pub(super) struct RenderBenchArgs {
     /// Threads that draw
     #[arg(long, value_name = "N", default_value_t = 2)]
     threads: usize,
+    /// Whether a GPU draws too: auto, where there is a hardware one; gpu, also one in software; cpu,
+    /// none
+    #[arg(long, value_enum, default_value = "auto")]
+    backend: BackendChoice,
     /// How often each view is drawn, in turn
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     rounds: u32,
@@ -84,29 +91,45 @@ struct Case {
 
 impl RenderBenchArgs {
     pub(super) fn run(&self, out: &mut Printer) -> anyhow::Result<()> {
-        let (view, sets) = match &self.data {
-            Some(folder) => (self.view(self.recording(folder)?)?, vec![novel(folder, self.views)?]),
+        let (recording, sets) = match &self.data {
+            Some(folder) => (self.recording(folder)?, vec![novel(folder, self.views)?]),
             None => {
                 let data = Box::new(Synthetic::room(self.frames).with_width(self.width));
                 let indices = (0..data.len()).collect();
                 let sets = self.size.iter().map(|size| self.truths(*size)).collect();
-                (self.view(Recording { data, indices })?, sets)
+                (Recording { data, indices }, sets)
             }
         };
+        let [view, next] = self.views(&recording)?;
         let pool = query_pool(self.threads)?;
+        let mut gpu = OnGpu::open(self.backend, &view)?;
         for (i, truths) in sets.iter().enumerate() {
             let Some(first) = truths.first() else { continue };
             let cases = self.measure(&view, truths, &pool);
-            if let Some(folder) = self.pictures.as_ref().filter(|_| i == 0) {
-                paint(folder, truths, &cases)?;
-            }
             let k = &first.camera.intrinsics;
             let judged = Size { width: k.width, height: k.height } == JUDGED;
             let name = format!("{}x{}, {} threads", k.width, k.height, self.threads);
+            let mut sets: Vec<(String, &[Rendering])> =
+                cases.iter().map(|case| (name_of(case.renderer), &case.images[..])).collect();
             for case in &cases {
                 out.figures(case.figures(&name, truths, judged))?;
             }
             let [tile, ray] = &cases;
+            let on_gpu = match &mut gpu {
+                Some(gpu) => {
+                    let drawn = (&truths[..], &tile.images[..]);
+                    let (images, figures) = gpu.figures(&name, self, &view, drawn, &pool)?;
+                    out.figures(figures)?;
+                    images
+                }
+                None => Vec::new(),
+            };
+            if !on_gpu.is_empty() {
+                sets.push(("gpu".into(), &on_gpu));
+            }
+            if let Some(folder) = self.pictures.as_ref().filter(|_| i == 0) {
+                paint(folder, truths, &sets)?;
+            }
             let alike =
                 |(tile, ray): (&Rendering, &Rendering)| psnr(&tile.color, |i| Some(ray.color[i]));
             let alike: Vec<f64> = tile.images.iter().zip(&ray.images).map(alike).collect();
@@ -114,7 +137,10 @@ impl RenderBenchArgs {
             let figure = Figure::new(&name, "psnr_against_ray", mean(&alike), Unit::Decibels);
             out.figures([figure.against(judged.then_some(ALIKE))])?;
         }
-        Ok(())
+        match &mut gpu {
+            Some(gpu) => Ok(out.figures(gpu.uploads(&next)?)?),
+            None => Ok(()),
+        }
     }
 
     /// Draws all views with both renderers, in turn.
@@ -142,11 +168,15 @@ impl RenderBenchArgs {
         Ok(Recording { data, indices })
     }
 
-    fn view(&self, recording: Recording) -> anyhow::Result<Arc<MapView>> {
+    /// The map of a recording, and the same after one more frame.
+    fn views(&self, recording: &Recording) -> anyhow::Result<[Arc<MapView>; 2]> {
         let (profile, r0_m) = (self.profile, self.r0);
         let settings = MapSettings { profile, r0_m, ..MapSettings::default() };
         let (mut mapper, _) = recording.map(&settings, None)?;
-        Ok(mapper.publish_all()?)
+        let view = mapper.publish_all()?;
+        let last = recording.indices.last().context("no frames")?;
+        mapper.integrate(&recording.data.load(*last, true)?)?;
+        Ok([view, mapper.publish_all()?])
     }
 
     /// Views from halfway between two frames.
@@ -242,7 +272,7 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 /// Writes the truth and each renderer's colour, depth, normals and mask, a file each.
-fn paint(folder: &Path, truths: &[Truth], cases: &[Case]) -> anyhow::Result<()> {
+fn paint(folder: &Path, truths: &[Truth], sets: &[(String, &[Rendering])]) -> anyhow::Result<()> {
     std::fs::create_dir_all(folder).with_context(|| folder.display().to_string())?;
     let save = |name: String, size: (u32, u32), pixel: &dyn Fn(usize) -> Vec3| {
         let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
@@ -255,8 +285,8 @@ fn paint(folder: &Path, truths: &[Truth], cases: &[Case]) -> anyhow::Result<()> 
     for (i, truth) in truths.iter().enumerate() {
         let size = (truth.color.width, truth.color.height);
         save(format!("{i}-true-color.png"), size, &|p| true_color(truth, p))?;
-        for case in cases {
-            let (name, image) = (name_of(case.renderer), &case.images[i]);
+        for (name, images) in sets {
+            let image = &images[i];
             save(format!("{i}-{name}-color.png"), size, &|p| image.color[p])?;
             save(format!("{i}-{name}-normal.png"), size, &|p| image.normal[p] * 0.5 + 0.5)?;
             // Error of the depth, white at 2 cm; blue where the map knows nothing.

@@ -7,6 +7,7 @@
 //! room.
 
 mod camera;
+mod gpu;
 mod heat;
 mod near;
 mod patch;
@@ -27,6 +28,7 @@ use super::view::MapView;
 use crate::error::{Error, Result};
 
 pub use camera::{Camera, MAX_SIDE};
+pub use gpu::{Painted, Painter, Subject};
 
 /// How an image is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -61,11 +63,15 @@ pub struct RenderSettings {
 
 impl Default for RenderSettings {
     fn default() -> Self {
-        Self { renderer: Renderer::Tile, sample: SamplePosition::ZeroCrossing, sharpness: 200.0 }
+        Self::USUAL
     }
 }
 
 impl RenderSettings {
+    /// What images are drawn with where nothing is said.
+    pub const USUAL: Self =
+        Self { renderer: Renderer::Tile, sample: SamplePosition::ZeroCrossing, sharpness: 200.0 };
+
     /// Fails on a sharpness that is no surface's.
     pub fn check(&self) -> Result<()> {
         if !(20.0..=2000.0).contains(&self.sharpness) {

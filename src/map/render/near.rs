@@ -8,9 +8,9 @@ use crate::surface::Lattice;
 use crate::modality::density::FAR;
 
 /// How far the nearest corner of a voxel may be from a point in it, in edges: √3 / 2.
-const HALF_DIAGONAL: f32 = 0.8661;
+pub(super) const HALF_DIAGONAL: f32 = 0.8661;
 /// How far the distance at a corner may be from what its row says before training adds to it, m.
-const LEARNED_M: f32 = 0.02;
+pub(super) const LEARNED_M: f32 = 0.02;
 
 /// The test for one view and sharpness.
 #[derive(Clone, Copy)]

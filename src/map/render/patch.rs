@@ -14,9 +14,9 @@ pub(super) const SIDE: u32 = 16;
 /// How far from a voxel's border a colour is read, in edges of the voxel.
 pub(super) const RIM: f32 = 1e-4;
 /// How far along its ray a pixel looks for a colour, m.
-const BESIDE_M: f32 = 0.1;
+pub(super) const BESIDE_M: f32 = 0.1;
 /// A sample that takes less of the light does not look beside itself for a colour.
-const BESIDE_WEIGHT: f32 = 0.2;
+pub(super) const BESIDE_WEIGHT: f32 = 0.2;
 
 /// A patch's place in the image, pixels; smaller than [`SIDE`] at the right and the lower border.
 #[derive(Debug, Clone, Copy)]

@@ -1,5 +1,7 @@
 //! Images of closed forms, whose depth and normals are known.
 
+mod on_gpu;
+
 use std::sync::Arc;
 
 use glam::{DVec3, Vec3};

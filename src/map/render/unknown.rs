@@ -7,9 +7,9 @@ use crate::surface::NEAR_M;
 use glam::Vec3;
 
 /// Unobserved space shorter than this along a ray does not count: the corner of a cell, m.
-const SHORTEST_M: f32 = 0.05;
+pub(super) const SHORTEST_M: f32 = 0.05;
 /// How far apart a ray looks at the evidence within one voxel, m: the size of its cells.
-const STEP_M: f32 = 0.1;
+pub(super) const STEP_M: f32 = 0.1;
 
 /// How a ray has fared in observed space so far.
 #[derive(Debug, Clone, Copy, Default)]

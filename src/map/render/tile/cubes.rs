@@ -13,9 +13,9 @@ use crate::modality::read::{Sample, evaluate_samples};
 use crate::octree::{Cell, GRADIENT_SHARE, NodeSource};
 
 /// Nothing nearer to the camera than this is drawn, m.
-const NEAREST_M: f32 = 1e-3;
+pub(in crate::map::render) const NEAREST_M: f32 = 1e-3;
 /// Rounding of projected corners, pixels.
-const SLACK: f32 = 0.02;
+pub(in crate::map::render) const SLACK: f32 = 0.02;
 /// Cubes whose corners one thread reads at a time.
 const CHUNK: usize = 128;
 

@@ -5,9 +5,9 @@
 //! but the decoder is asked at corners alone.
 
 mod bins;
-mod cubes;
-mod raster;
-mod shade;
+pub(super) mod cubes;
+pub(super) mod raster;
+pub(super) mod shade;
 
 use rayon::ThreadPool;
 

@@ -12,13 +12,13 @@ const ROW: usize = SIDE as usize;
 const _: () = assert!(ROW == LINE, "a row of a tile fills whole vectors");
 
 /// Cubes that meet within this length of a ray touch.
-const TOUCH: f32 = 1e-4;
+pub(in crate::map::render) const TOUCH: f32 = 1e-4;
 /// The least |direction| along an axis, so that its inverse is a number.
-const LEAST_DIRECTION: f32 = 1e-9;
+pub(in crate::map::render) const LEAST_DIRECTION: f32 = 1e-9;
 /// A sample that takes less of the light is not looked up.
-const LEAST_WEIGHT: f32 = 5e-3;
+pub(in crate::map::render) const LEAST_WEIGHT: f32 = 5e-3;
 /// Steps of the search for a zero crossing.
-const REFINEMENTS: usize = 2;
+pub(in crate::map::render) const REFINEMENTS: usize = 2;
 
 /// A part of a pixel's ray that takes light.
 pub(super) struct Share {

@@ -10,7 +10,7 @@ use super::raster::Cast;
 use crate::octree::Traversal;
 
 /// Side of a block of pixels for which one ray looks out for unobserved space.
-const BLOCK: u32 = 4;
+pub(in crate::map::render) const BLOCK: u32 = 4;
 
 /// Writes the columns that are wanted.
 pub(super) fn fill(job: &Job<'_>, area: Area, cubes: &[Cube], cast: &Cast, patch: &mut Patch) {

@@ -1,0 +1,48 @@
+// A map as it is drawn: what its kernels share.
+#import lib/constants
+
+struct Scene {
+  // Slots of nodes, used or not; vertex rows; room for cubes.
+  nodes: u32,
+  rows: u32,
+  room: u32,
+  // log2 of the largest voxels that take light, lattice units.
+  surface_log2: u32,
+  // How far a surface's light reaches, m.
+  mist_m: f32,
+  // Edge length of an evidence cell, m.
+  cell_m: f32,
+  // Vertices of the band of colour in a metre, and log2 of those along an edge of a block.
+  band_scale: f32,
+  band_log2: u32,
+  // The decoder of distances: its widths (0: no second layer) and its factor.
+  inputs: u32,
+  first: u32,
+  second: u32,
+  scale: f32,
+}
+
+struct Node {
+  // Low corner, lattice units.
+  low: vec3i,
+  // log2 of its edge length in lattice units, and 1; 0 for a slot without a node.
+  size: u32,
+  // The evidence brick that holds its cells, and the block of colour of its level-0 voxel; NONE
+  // where there is none.
+  brick: u32,
+  block: u32,
+  padding: vec2u,
+}
+
+// A leaf near a surface, or an octant that is missing of a voxel there.
+struct Cube {
+  // Low corner and log2 of its edge length, lattice units.
+  low: vec3i,
+  log2_size: u32,
+  // Those of the voxel whose corners it reads: itself, or the voxel around it.
+  host_low: vec3i,
+  host_log2: u32,
+  block: u32,
+  padding: u32,
+  more_padding: vec2u,
+}

@@ -1,0 +1,163 @@
+//! A map on the GPU as it is drawn: a copy of what a view holds, kept up by deltas, and the list of
+//! its cubes.
+
+use bytemuck::Zeroable;
+
+use super::super::device::Gpu;
+use super::super::layout::{NONE, Step};
+use super::super::pool::Pool;
+use super::layout;
+use crate::error::Result;
+use crate::modality::Row;
+use crate::octree::{BandScale, Cell, ChildLink, Root, Uppers};
+
+/// What a view has, and how it divides space.
+#[derive(Debug, Clone, Copy)]
+pub struct Extent {
+    pub root: Option<Root>,
+    /// Edge length of a lattice unit, m.
+    pub unit_m: f32,
+    /// log2 of the largest voxels that take light, lattice units.
+    pub surface_log2: u8,
+    /// Edge length of an evidence cell, m.
+    pub cell_m: f32,
+    pub band: BandScale,
+    /// Slots of nodes, rows, bricks of evidence and blocks of colour.
+    pub nodes: usize,
+    pub rows: usize,
+    pub bricks: usize,
+    pub blocks: usize,
+}
+
+/// A node as a view has it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NodeRecord {
+    pub link: ChildLink,
+    pub corners: [u32; 8],
+    /// Low corner, lattice units.
+    pub low: Cell,
+    /// `None` for a slot without a node.
+    pub log2_size: Option<u8>,
+    /// Brick of evidence and block of colour; `u32::MAX` where there is none.
+    pub brick: u32,
+    pub block: u32,
+}
+
+/// A map's buffers. What they hold is what was written through [`super::GpuRenderer`].
+#[derive(Debug)]
+pub struct GpuScene {
+    pub(super) links: Pool,
+    pub(super) corners: Pool,
+    pub(super) nodes: Pool,
+    /// (d, g) by row, the features, and (f, g) with what they add.
+    pub(super) rows: Pool,
+    pub(super) features: Pool,
+    pub(super) vertices: Pool,
+    pub(super) bricks: Pool,
+    pub(super) blocks: Pool,
+    pub(super) texels: Pool,
+    pub(super) weights: Pool,
+    pub(super) cubes: Pool,
+    pub(super) cube_corners: Pool,
+    /// How many cubes the list has, on the GPU.
+    pub(super) listed: wgpu::Buffer,
+    pub(super) numbers: wgpu::Buffer,
+    pub(super) step: wgpu::Buffer,
+    pub(super) extent: Option<Extent>,
+    /// The sharpness that cubes were listed for, and their number.
+    pub(super) list: Option<(f32, u32)>,
+}
+
+impl GpuScene {
+    pub(super) fn new(gpu: &Gpu) -> Result<Self> {
+        Ok(Self {
+            links: Pool::new(gpu, "drawn links", 4)?,
+            corners: Pool::new(gpu, "drawn corners", 32)?,
+            nodes: Pool::new(gpu, "drawn nodes", size_of::<layout::Node>() as u64)?,
+            rows: Pool::new(gpu, "drawn rows", 16)?,
+            features: Pool::new(gpu, "drawn features", 32)?,
+            vertices: Pool::new(gpu, "drawn vertices", 16)?,
+            bricks: Pool::new(gpu, "drawn bricks", 64)?,
+            blocks: Pool::new(gpu, "drawn blocks", 32)?,
+            texels: Pool::new(gpu, "drawn texels", 8)?,
+            weights: Pool::new(gpu, "drawn decoder", 16)?,
+            cubes: Pool::new(gpu, "cubes", size_of::<layout::Cube>() as u64)?,
+            cube_corners: Pool::new(gpu, "corners of cubes", 128)?,
+            listed: gpu.buffer("listed cubes", 4)?,
+            numbers: gpu.buffer("scene", size_of::<layout::Scene>() as u64)?,
+            step: gpu.buffer("lattice", size_of::<Step>() as u64)?,
+            extent: None,
+            list: None,
+        })
+    }
+
+    /// Makes room for what a view has, and some more.
+    pub(super) fn reserve(&mut self, gpu: &Gpu, extent: &Extent) -> Result<()> {
+        let (nodes, rows) = (extent.nodes as u64, extent.rows as u64);
+        for pool in [&mut self.links, &mut self.corners, &mut self.nodes] {
+            pool.grow_ahead(gpu, nodes)?;
+        }
+        for pool in [&mut self.rows, &mut self.features, &mut self.vertices] {
+            pool.grow_ahead(gpu, rows)?;
+        }
+        self.bricks.grow_ahead(gpu, extent.bricks as u64)?;
+        self.blocks.grow_ahead(gpu, extent.blocks as u64)?;
+        self.texels.grow_ahead(gpu, (extent.blocks * extent.band.vertices()) as u64)
+    }
+
+    /// Makes room for listed cubes.
+    pub(super) fn reserve_cubes(&mut self, gpu: &Gpu, cubes: u64) -> Result<()> {
+        self.cubes.grow_ahead(gpu, cubes)?;
+        self.cube_corners.grow_ahead(gpu, cubes)
+    }
+
+    /// The octree's part of the numbers that its kernels share with those of training.
+    pub(super) fn lattice(extent: &Extent) -> Step {
+        let root = extent.root.unwrap_or(Root { node: NONE, min: [0; 3], log2_size: 0 });
+        Step {
+            root_min: root.min,
+            root_node: root.node,
+            unit_m: extent.unit_m,
+            root_log2: root.log2_size.into(),
+            rows: extent.rows as u32,
+            ..Step::zeroed()
+        }
+    }
+
+    /// What kernels bind, by the names that shaders have for it.
+    pub(super) fn buffers(&self) -> Vec<(&'static str, wgpu::BindingResource<'_>)> {
+        vec![
+            ("scene", self.numbers.as_entire_binding()),
+            ("step", self.step.as_entire_binding()),
+            ("links", self.links.binding()),
+            ("corners", self.corners.binding()),
+            ("nodes", self.nodes.binding()),
+            ("rows", self.rows.binding()),
+            ("features", self.features.binding()),
+            ("vertices", self.vertices.binding()),
+            ("bricks", self.bricks.binding()),
+            ("blocks", self.blocks.binding()),
+            ("texels", self.texels.binding()),
+            ("weights", self.weights.binding()),
+            ("cubes", self.cubes.binding()),
+            ("cube_corners", self.cube_corners.binding()),
+            ("listed", self.listed.as_entire_binding()),
+        ]
+    }
+}
+
+impl NodeRecord {
+    pub(super) fn words(&self) -> [u32; 8] {
+        let [x, y, z] = self.low.map(|c| c as u32);
+        let size = self.log2_size.map_or(0, |log2| u32::from(log2) + 1);
+        [x, y, z, size, self.brick, self.block, 0, 0]
+    }
+}
+
+/// A row's features as words.
+pub(super) fn feature_words(row: &Row) -> [u32; 8] {
+    bytemuck::cast(row.features.sdf)
+}
+
+/// The upper neighbours of a block, and its vertices.
+pub type BlockRecord<'a> = (&'a Uppers, &'a [crate::modality::radiance::Texel]);

@@ -1,0 +1,186 @@
+//! What a view's change takes to the GPU, and what is worked out of it there.
+
+use super::super::passes::Passes;
+use super::super::writes::Writes;
+use super::scene::{BlockRecord, Extent, GpuScene, NodeRecord, feature_words};
+use super::{GpuRenderer, layout};
+use crate::error::Result;
+use crate::modality::Row;
+use crate::modality::decoder::Decoder;
+use crate::modality::density::FAR;
+use crate::octree::BandScale;
+use crate::surface::Known;
+
+/// Records that are uploaded together.
+const BATCH: usize = 1 << 15;
+/// Most workgroups of a pass; they loop.
+const GROUPS: u32 = 1 << 14;
+
+impl GpuRenderer {
+    /// A scene of nothing.
+    pub fn scene(&self) -> Result<GpuScene> {
+        GpuScene::new(&self.gpu)
+    }
+
+    /// Makes room for a view; to be called before anything of it is written.
+    pub fn begin(&self, scene: &mut GpuScene, extent: &Extent) -> Result<()> {
+        scene.reserve(&self.gpu, extent)?;
+        scene.extent = Some(*extent);
+        scene.list = None;
+        self.gpu.check()
+    }
+
+    /// Writes nodes that changed.
+    pub fn write_nodes(
+        &self,
+        scene: &GpuScene,
+        nodes: impl Iterator<Item = (u32, NodeRecord)>,
+    ) -> Result<()> {
+        self.in_batches(nodes, |batch, writes| {
+            let each = || batch.iter();
+            writes.add(&scene.links, each().map(|(id, node)| (*id, [node.link])));
+            writes.add(&scene.corners, each().map(|(id, node)| (*id, node.corners)));
+            writes.add(&scene.nodes, each().map(|(id, node)| (*id, node.words())));
+        })
+    }
+
+    /// Writes vertex rows that changed.
+    pub fn write_rows<'a>(
+        &self,
+        scene: &GpuScene,
+        rows: impl Iterator<Item = (u32, &'a Row)>,
+    ) -> Result<()> {
+        self.in_batches(rows, |batch, writes| {
+            let each = || batch.iter();
+            let explicit = |row: &Row| row.explicit.map(f32::to_bits);
+            writes.add(&scene.rows, each().map(|(id, row)| (*id, explicit(row))));
+            writes.add(&scene.features, each().map(|(id, row)| (*id, feature_words(row))));
+        })
+    }
+
+    /// Writes bricks of evidence that changed.
+    pub fn write_bricks<'a>(
+        &self,
+        scene: &GpuScene,
+        bricks: impl Iterator<Item = (u32, &'a Known)>,
+    ) -> Result<()> {
+        self.in_batches(bricks, |batch, writes| {
+            let halves = batch.iter().flat_map(|(id, known)| {
+                let words: [[u32; 8]; 2] = bytemuck::cast(**known);
+                [(2 * id, words[0]), (2 * id + 1, words[1])]
+            });
+            writes.add(&scene.bricks, halves);
+        })
+    }
+
+    /// Writes blocks of colour that changed.
+    pub fn write_blocks<'a>(
+        &self,
+        scene: &GpuScene,
+        band: BandScale,
+        blocks: impl Iterator<Item = (u32, BlockRecord<'a>)>,
+    ) -> Result<()> {
+        let vertices = band.vertices() as u32;
+        self.in_batches(blocks, |batch, writes| {
+            writes.add(&scene.blocks, batch.iter().map(|(id, (uppers, _))| (*id, **uppers)));
+            let words = |(_, (_, texels)): &'_ (u32, BlockRecord<'a>)| -> &'a [[u32; 2]] {
+                bytemuck::cast_slice(texels)
+            };
+            if vertices == 1 {
+                let single = |record| words(record).first().copied().unwrap_or_default();
+                writes.add(&scene.texels, batch.iter().map(|r| (r.0, single(r))));
+                return;
+            }
+            // Eight vertices or more: four a record.
+            let quads = batch.iter().flat_map(|record| {
+                let first = record.0 * (vertices / 4);
+                let quads = words(record).as_chunks::<4>().0;
+                let words = |quad: &[[u32; 2]; 4]| -> [u32; 8] { bytemuck::cast(*quad) };
+                (first..).zip(quads.iter().map(words))
+            });
+            writes.add(&scene.texels, quads);
+        })
+    }
+
+    /// Writes the decoder of distances.
+    pub fn write_decoder(&self, scene: &mut GpuScene, decoder: &Decoder) -> Result<()> {
+        let weights = decoder.weights();
+        scene.weights.grow(&self.gpu, weights.len().div_ceil(4) as u64)?;
+        self.gpu.write(&scene.weights.buffer, weights);
+        Ok(())
+    }
+
+    /// After everything was written: decodes distances at vertices and lists the cubes that take
+    /// light of surfaces of a sharpness. Waits for their number.
+    pub fn settle(&self, scene: &mut GpuScene, decoder: &Decoder, sharpness: f32) -> Result<()> {
+        let Some(extent) = scene.extent else { return Ok(()) };
+        self.gpu.write(&scene.step, &[GpuScene::lattice(&extent)]);
+        loop {
+            let room = scene.cubes.capacity();
+            let numbers = self.numbers(&extent, decoder, sharpness, room as u32);
+            self.gpu.write(&scene.numbers, &[numbers]);
+            let mut passes = Passes::new(&self.gpu, None);
+            passes.encoder.clear_buffer(&scene.listed, 0, None);
+            let buffers = scene.buffers();
+            let groups = |items: usize| (items as u32).div_ceil(64).min(GROUPS);
+            let vertices = self.kernel("render/vertices")?.bind(&self.gpu, &buffers)?;
+            vertices.dispatch(&mut passes, groups(extent.rows));
+            let list = self.kernel("render/list")?.bind(&self.gpu, &buffers)?;
+            list.dispatch(&mut passes, groups(extent.nodes));
+            self.gpu.queue.submit([passes.encoder.finish()]);
+            let listed = self.gpu.read::<u32>(&scene.listed, 1)?.first().copied().unwrap_or(0);
+            if u64::from(listed) <= room {
+                scene.list = Some((sharpness, listed));
+                return self.gpu.check();
+            }
+            scene.reserve_cubes(&self.gpu, listed.into())?;
+        }
+    }
+
+    /// Whether cubes are listed for a sharpness.
+    pub fn is_settled(scene: &GpuScene, sharpness: f32) -> bool {
+        scene.list.is_some_and(|(listed, _)| listed == sharpness)
+    }
+
+    fn numbers(
+        &self,
+        extent: &Extent,
+        decoder: &Decoder,
+        sharpness: f32,
+        room: u32,
+    ) -> layout::Scene {
+        let shape = decoder.shape();
+        layout::Scene {
+            nodes: extent.nodes as u32,
+            rows: extent.rows as u32,
+            room,
+            surface_log2: extent.surface_log2.into(),
+            mist_m: FAR / sharpness + self.rules.learned_m,
+            cell_m: extent.cell_m,
+            band_scale: extent.band.side() as f32 / extent.band.cell_m,
+            band_log2: extent.band.log2_side.into(),
+            inputs: shape.inputs as u32,
+            first: shape.first as u32,
+            second: shape.second as u32,
+            scale: decoder.scale(),
+        }
+    }
+
+    /// Hands records on in batches, each uploaded before the next one is put together.
+    fn in_batches<'p, T>(
+        &self,
+        records: impl Iterator<Item = T>,
+        add: impl for<'w> Fn(&'w [T], &mut Writes<'p>),
+    ) -> Result<()> {
+        let mut records = records.peekable();
+        while records.peek().is_some() {
+            let batch: Vec<T> = records.by_ref().take(BATCH).collect();
+            let mut writes = Writes::default();
+            add(&batch, &mut writes);
+            let mut passes = Passes::new(&self.gpu, None);
+            self.writer.record(&self.gpu, &mut passes, writes)?;
+            self.gpu.queue.submit([passes.encoder.finish()]);
+        }
+        self.gpu.check()
+    }
+}
