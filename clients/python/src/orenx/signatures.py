@@ -41,6 +41,7 @@ class Method(Generic[P, R]):
     @overload
     def __get__(self, of: OfMap, owner: type) -> Callable[P, R]: ...
     def __get__(self, of: OfMap | None, owner: type) -> Any:
+        """The method, of one map."""
         if of is None:
             return self
 

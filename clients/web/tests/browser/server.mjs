@@ -69,6 +69,12 @@ export function streamWith(key, grpc, ...options) {
   return start(['stream', 'synthetic:room', `http://127.0.0.1:${grpc}`, ...options], more).ended;
 }
 
+/** A map file of the synthetic room, with what things are called. */
+export async function map(file, encoder, ...options) {
+  const code = await start(['map', 'synthetic:room', '--out', file, '--encoder', `static:${encoder}`, ...options]).ended;
+  if (code !== 0) throw new Error('the room was not mapped');
+}
+
 /** Ends everything that was started. */
 export function stopAll() {
   for (const child of running) child.kill('SIGKILL');
