@@ -135,7 +135,8 @@ export class App {
     } else if (detail === 'fine' && (pace.isLess || surface.triangles > 4 * ENOUGH_TRIANGLES)) {
       this.wasTooFine = true;
       this.load('medium');
-    } else if (detail === 'medium' && pace.isLeast) {
+    } else if (detail === 'medium' && pace.isLeast && surface.triangles > ENOUGH_TRIANGLES) {
+      // Only where the map is large: what a coarse lattice finds of thin walls has holes.
       this.load('coarse');
     }
   }

@@ -23,8 +23,6 @@ const OVERVIEW = { yaw: 2.25, pitch: -0.78 };
 const MOST_PIXELS = 3840 * 2160;
 /** Between frames that show what is new, where frames take long, ms. */
 const NEWS_MS = 1_000;
-/** How long all is still before edges are smoothed on a slow machine, ms. */
-const SMOOTH_MS = 1_200;
 /** How long it is still said what was left out, ms. */
 const LINGER_MS = 1_500;
 /** How often it is said what is drawn while something moves, ms. */
@@ -75,7 +73,6 @@ export class Viewer {
   private drawnMoving = 0;
   private said = 0;
   private movedAt = -Infinity;
-  private smoothing: ReturnType<typeof setTimeout> | undefined;
   private news: ReturnType<typeof setTimeout> | undefined;
 
   constructor(
@@ -131,11 +128,9 @@ export class Viewer {
     if (this.moving) this.invalidate();
   }
 
-  /** Everything; where that takes long, its edges are smoothed once nothing is new any more. */
+  /** Everything, and as sharply as the screen is; smooth edges are for machines that have time for them. */
   private rest(): Quality {
-    clearTimeout(this.smoothing);
-    if (!this.pace.isLess) return ALL;
-    this.smoothing = setTimeout(() => !this.moving && !this.requested && this.draw(ALL), SMOOTH_MS);
+    if (this.pace.quality.level === 0) return ALL;
     setTimeout(() => !this.moving && this.tell(performance.now()), LINGER_MS);
     return { ...ALL, pixels: Math.min(devicePixelRatio, ALL.pixels) };
   }
