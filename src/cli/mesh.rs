@@ -8,7 +8,8 @@ use clap::Args;
 use super::open::open_view;
 use crate::error::Error;
 use crate::map::{
-    Fields, MeshFormat, default_resolution_m, extract_mesh, query_parallel, query_pool, vertex_colors,
+    Fields, MeshFormat, default_resolution_m, extract_mesh, query_parallel, query_pool,
+    vertex_colors,
 };
 use crate::storage::write_file;
 

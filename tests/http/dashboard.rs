@@ -125,7 +125,8 @@ async fn the_whole_surface_is_a_file_that_others_read() {
     assert_eq!((glb.status, glb.header("content-type")), (200, "model/gltf-binary"));
     assert!(glb.header("content-disposition").contains("default.glb"));
     assert_eq!((&glb.body[..4], word(&glb.body, 8) as usize), (&b"glTF"[..], glb.body.len()));
-    let document: Value = serde_json::from_slice(&glb.body[20..][..word(&glb.body, 12) as usize]).unwrap();
+    let document: Value =
+        serde_json::from_slice(&glb.body[20..][..word(&glb.body, 12) as usize]).unwrap();
     assert_eq!(document["accessors"][0]["count"], mesh.vertices.len());
     assert!(document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"].is_u64());
     let question = orenx::service::PointsQuestion {

@@ -53,10 +53,10 @@ impl TriangleMesh {
     fn describe(&self, colors: &[[u8; 3]], parts: &mut Parts) {
         let count = self.vertices.len();
         parts.add("POSITION", "VEC3", F32, VERTICES, count, floats(&self.vertices));
-        let (low, high) = self.vertices.iter().fold(
-            (Vec3::INFINITY, Vec3::NEG_INFINITY),
-            |(low, high), v| (low.min(*v), high.max(*v)),
-        );
+        let (low, high) =
+            self.vertices.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), v| {
+                (low.min(*v), high.max(*v))
+            });
         // Viewers know where a mesh is before they read it.
         parts.bound(low, high);
         if self.normals.len() == count {
@@ -84,8 +84,7 @@ impl Linear {
     fn new() -> Self {
         Self(std::array::from_fn(|byte| {
             let x = byte as f64 / 255.0;
-            let linear =
-                if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
+            let linear = if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
             (linear * 65535.0).round() as u16
         }))
     }
@@ -198,7 +197,8 @@ mod tests {
 
     fn bytes<'a>(document: &Value, binary: &'a [u8], accessor: &Value) -> &'a [u8] {
         let accessor = &document["accessors"][accessor.as_u64().expect("its number") as usize];
-        let view = &document["bufferViews"][accessor["bufferView"].as_u64().expect("a view") as usize];
+        let view =
+            &document["bufferViews"][accessor["bufferView"].as_u64().expect("a view") as usize];
         let number = |name: &str| view[name].as_u64().expect("a number") as usize;
         &binary[number("byteOffset")..][..number("byteLength")]
     }
@@ -210,11 +210,13 @@ mod tests {
         assert_eq!(document["buffers"][0]["byteLength"], binary.len());
         let primitive = &document["meshes"][0]["primitives"][0];
         let part = |accessor: &Value| bytes(&document, &binary, accessor);
-        let positions: &[f32] = &bytemuck::pod_collect_to_vec(part(&primitive["attributes"]["POSITION"]));
+        let positions: &[f32] =
+            &bytemuck::pod_collect_to_vec(part(&primitive["attributes"]["POSITION"]));
         assert_eq!(positions[6..9], [1.0, 2.0, -3.0]);
         let indices: &[u32] = &bytemuck::pod_collect_to_vec(part(&primitive["indices"]));
         assert_eq!(indices, [0, 1, 2, 0, 2, 3]);
-        let linear: &[u16] = &bytemuck::pod_collect_to_vec(part(&primitive["attributes"]["COLOR_0"]));
+        let linear: &[u16] =
+            &bytemuck::pod_collect_to_vec(part(&primitive["attributes"]["COLOR_0"]));
         // Half of what the eye sees is a fifth of the light.
         assert_eq!(linear[..4], [0, 14146, 65535, 65535]);
         let accessor = &document["accessors"][0];
