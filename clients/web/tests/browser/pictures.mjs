@@ -11,6 +11,8 @@ const { ENCODER: encoder = new URL('../../../../target/encoders/static', import.
 const [, , into = '.'] = process.argv;
 // Edges are smooth where a screen has four pixels for each of the picture.
 const SIZE = { viewport: { width: 1280, height: 800 }, deviceScaleFactor: 2 };
+/** Of nearly all of the room, at the detail that a page begins with. */
+const ROOM_TRIANGLES = 100_000;
 /** For a view to come to rest, and the notice to go. */
 const REST_MS = 6_000;
 
@@ -19,13 +21,7 @@ async function opened(browser, server, options) {
   const page = await context.newPage();
   page.setDefaultTimeout(120_000);
   await page.goto(server.url);
-  let [last, same] = [0, 0];
-  await until(page, 'the map is there', async () => {
-    const now = await triangles(page);
-    same = now === last && now > 0 ? same + 1 : 0;
-    last = now;
-    return same > 40;
-  });
+  await until(page, 'the room is there', async () => (await triangles(page)) > ROOM_TRIANGLES);
   await page.waitForTimeout(REST_MS);
   return page;
 }
