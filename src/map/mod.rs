@@ -35,8 +35,8 @@ pub use language::{
 };
 pub use mapper::{FrameOutcome, MapStats, Mapper};
 pub use mesh::{
-    Detail, MeshPart, PieceKey, PieceTable, TriangleMesh, WholeMesh, default_resolution_m,
-    extract_mesh, packed_piece, piece_size_m,
+    Detail, MeshFormat, MeshPart, PieceKey, PieceTable, TriangleMesh, WholeMesh,
+    default_resolution_m, extract_mesh, packed_piece, piece_size_m, vertex_colors,
 };
 pub use mirror::{Changes, Copied, Copying, Head, Part, Table};
 pub use nearest::{NearestAnswers, nearest_surfaces};

@@ -11,7 +11,8 @@ use super::terms::{Answered, Terms, check_within};
 use super::{DEFAULT_MAP, Service};
 use crate::error::{Error, Result};
 use crate::map::{
-    Detail, MapView, MeshPart, PieceKey, PieceTable, WholeMesh, packed_piece, piece_size_m,
+    Detail, MapView, MeshFormat, MeshPart, PieceKey, PieceTable, WholeMesh, packed_piece,
+    piece_size_m,
 };
 
 /// Between two looks at what changed.
@@ -253,11 +254,12 @@ impl Service {
         });
     }
 
-    /// The whole surface as a PLY file with colours; `resolution_m` between vertices, half of the
-    /// edge of a level-0 voxel where it is not given.
-    pub async fn mesh_ply(
+    /// The whole surface as a file with colours; `resolution_m` between vertices, half of the edge of
+    /// a level-0 voxel where it is not given.
+    pub async fn mesh_file(
         &self,
         map_id: &str,
+        format: MeshFormat,
         resolution_m: Option<f32>,
     ) -> Result<Answered<Vec<u8>>> {
         let started = Instant::now();
@@ -267,7 +269,8 @@ impl Service {
         let terms = Terms { map_id: map_id.into(), ..Terms::default() };
         let task = |view: Arc<MapView>| {
             let usual = Detail::Medium.resolution_m(view.config().r0_m);
-            WholeMesh::new(view, resolution_m.unwrap_or(usual)).map(MeshTask)
+            let mesh = WholeMesh::new(view, resolution_m.unwrap_or(usual))?;
+            Ok(MeshTask { mesh, format })
         };
         self.work(started, &terms, None, task).await
     }
@@ -342,26 +345,29 @@ impl Task for PiecesTask {
 }
 
 /// A whole mesh, a part a chunk.
-struct MeshTask(WholeMesh);
+struct MeshTask {
+    mesh: WholeMesh,
+    format: MeshFormat,
+}
 
 impl Task for MeshTask {
     type Part = Option<MeshPart>;
     type Answer = Vec<u8>;
 
     fn size(&self) -> usize {
-        (self.0.parts() * CHUNK).max(CHUNK)
+        (self.mesh.parts() * CHUNK).max(CHUNK)
     }
 
     fn chunks(&self) -> usize {
-        self.0.parts().max(1)
+        self.mesh.parts().max(1)
     }
 
     fn part(&self, chunk: usize, _is_left: &(dyn Fn() -> bool + Sync)) -> Result<Self::Part> {
-        (chunk < self.0.parts()).then(|| self.0.part(chunk)).transpose()
+        (chunk < self.mesh.parts()).then(|| self.mesh.part(chunk)).transpose()
     }
 
     fn whole(&self, parts: Vec<Self::Part>) -> Vec<u8> {
-        WholeMesh::ply(parts.into_iter().flatten().collect())
+        WholeMesh::file(parts.into_iter().flatten().collect(), self.format)
     }
 }
 

@@ -121,6 +121,14 @@ async fn the_whole_surface_is_a_file_that_others_read() {
     assert!(reply.header("content-disposition").contains("default.ply"));
     let mesh = TriangleMesh::read_ply(&reply.body[..], "mesh.ply").unwrap();
     assert!(mesh.triangles.len() > 2000, "{}", mesh.triangles.len());
+    let glb = get(at, "/v1/maps/default/mesh.glb?resolution=0.05").await;
+    assert_eq!((glb.status, glb.header("content-type")), (200, "model/gltf-binary"));
+    assert!(glb.header("content-disposition").contains("default.glb"));
+    assert_eq!((&glb.body[..4], word(&glb.body, 8) as usize), (&b"glTF"[..], glb.body.len()));
+    let document: Value =
+        serde_json::from_slice(&glb.body[20..][..word(&glb.body, 12) as usize]).unwrap();
+    assert_eq!(document["accessors"][0]["count"], mesh.vertices.len());
+    assert!(document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"].is_u64());
     let question = orenx::service::PointsQuestion {
         fields: Fields::DISTANCE,
         ..orenx::service::PointsQuestion::new(mesh.vertices)
@@ -130,7 +138,7 @@ async fn the_whole_surface_is_a_file_that_others_read() {
     assert!(on * 10 > distance.len() * 9, "{on} of {}", distance.len());
     for (path, field) in [
         ("/v1/maps/default/mesh.ply?resolution=0", "resolution"),
-        ("/v1/maps/default/mesh.ply?res=1", "res"),
+        ("/v1/maps/default/mesh.glb?res=1", "res"),
         ("/v1/maps/default/mesh/pieces?max_bytes=1", "max_bytes"),
         ("/v1/maps/default/mesh/pieces?detail=finest", "detail"),
         ("/v1/events?maps=default", "maps"),

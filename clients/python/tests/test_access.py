@@ -17,11 +17,12 @@ KEYS = {role: f"{role}-0123456789abcdef" for role in ("ingest", "read", "admin")
 
 @pytest.fixture(scope="module")
 def guarded(tmp_path_factory):
-    """A server with a key for each role."""
-    config = tmp_path_factory.mktemp("keys") / "orenx.toml"
+    """A server with a key for each role, and a folder."""
+    folder = tmp_path_factory.mktemp("keys")
+    config = folder / "orenx.toml"
     key = '[[auth.keys]]\nname = "{0}"\nrole = "{0}"\nkey = "{1}"\n'
     config.write_text("".join(key.format(role, secret) for role, secret in KEYS.items()))
-    server = start(config=config)
+    server = start(f"storage.path={folder / 'maps'}", config=config)
     yield server
     server.stop()
 
@@ -40,6 +41,80 @@ def test_a_key_opens_what_its_role_may(guarded):
             planner.map().stream_frames(scene.frames(1), "rover")
     with connect("admin") as admin:
         assert admin.map().reset().epoch > 0
+
+
+BALL = orenx.Sphere([0.0, 0.0, 1.0], 0.3)
+
+
+def changes(m, folder):
+    """Everything that changes maps, or reads what is kept of them."""
+    file = folder / "file"
+    file.write_bytes(b"no snapshot")
+    return {
+        "clear": lambda: m.clear(BALL),
+        "stamp": lambda: m.stamp(BALL),
+        "reset": m.reset,
+        "list_snapshots": m.list_snapshots,
+        "create_snapshot": lambda: m.create_snapshot("mine"),
+        "restore_snapshot": lambda: m.restore_snapshot("mine"),
+        "delete_snapshot": lambda: m.delete_snapshot("mine"),
+        "download_snapshot": lambda: m.download_snapshot("mine", folder / "new"),
+        "upload_snapshot": lambda: m.upload_snapshot("mine", file),
+    }
+
+
+@pytest.mark.parametrize("role", ["ingest", "read"])
+async def test_changes_take_the_role_of_administrators(guarded, role, tmp_path):
+    with orenx.connect(guarded.grpc, api_key=KEYS["admin"]) as admin:
+        before = admin.map().stats().map.epoch
+    with orenx.connect(guarded.grpc, api_key=KEYS[role]) as client:
+        calls = changes(client.map(), tmp_path) | {
+            "create_map": lambda: client.create_map("mine"),
+            "delete_map": lambda: client.delete_map("default"),
+            "settings": client.settings,
+            "set_log_level": lambda: client.set_log_level("info"),
+        }
+        for name, call in calls.items():
+            with pytest.raises(orenx.PermissionDeniedError) as caught:
+                call()
+            # Who it is, and what it takes.
+            said = str(caught.value)
+            assert "the role admin" in said, (name, said)
+            assert f"'{role}' has {role}" in said, (name, said)
+    async with await orenx.aio.connect(guarded.grpc, api_key=KEYS[role]) as client:
+        for name, call in changes(client.map(), tmp_path).items():
+            with pytest.raises(orenx.PermissionDeniedError, match="the role admin"):
+                await call()
+            assert not (tmp_path / "new").exists(), name
+    with orenx.connect(guarded.grpc, api_key=KEYS["admin"]) as admin:
+        assert admin.map().stats().map.epoch == before
+        assert admin.map().list_snapshots() == []
+
+
+def test_an_administrator_edits_and_keeps_maps(guarded, tmp_path):
+    with orenx.connect(guarded.grpc, api_key=KEYS["admin"]) as admin:
+        m = admin.create_map("yard")
+        try:
+            stamped = m.stamp(BALL)
+            made = m.create_snapshot("with-ball")
+            cleared = m.clear(orenx.Sphere([0.0, 0.0, 1.0], 1.0))
+            assert cleared.surfels_removed == stamped.surfels_added > 0
+            file = m.download_snapshot("with-ball", tmp_path / "yard.orenx")
+            assert file.stat().st_size == made.bytes
+            m.delete_snapshot("with-ball")
+            assert m.upload_snapshot("sent", file).bytes == made.bytes
+            restored = m.restore_snapshot("sent")
+            answer = m.query_points([[0, 0, 1]], min_epoch=restored.epoch)
+            assert answer.occupied[0]
+            # Who reads sees it too; who sends frames does not.
+            with orenx.connect(guarded.grpc, api_key=KEYS["read"]) as reader:
+                assert reader.map("yard").query_points([[0, 0, 1]]).occupied[0]
+            with orenx.connect(guarded.grpc, api_key=KEYS["ingest"]) as robot:
+                with pytest.raises(orenx.PermissionDeniedError, match="the role read"):
+                    robot.map("yard").query_points([[0, 0, 1]])
+                assert robot.map("yard").stats().map.map_id == "yard"
+        finally:
+            admin.delete_map("yard")
 
 
 async def test_without_a_key_nobody_gets_in(guarded):

@@ -31,6 +31,10 @@ export class App {
   readonly encoders = new Signal<Encoders | null>(null);
   readonly found = new Signal<Found | null>(null);
   readonly detail = new Signal<Detail>('medium');
+  /** Whether the server lets us change maps: what asks for snapshots finds out; null until then. */
+  readonly isAdmin = new Signal<boolean | null>(null);
+  /** Asks for another key. */
+  onOtherKey: () => void = () => undefined;
   /** A word to who looks, that goes by itself. */
   readonly notice = new Signal<string>('');
   private feed: MeshFeed | null = null;
@@ -90,6 +94,15 @@ export class App {
     await this.loadEncoders();
   }
 
+  /** With another key: what was loaded without it, or refused, is loaded now. */
+  startOver(): void {
+    this.isAdmin.set(null);
+    void this.refresh();
+    void this.loadEncoders();
+    this.follow(this.feed?.currentGeneration);
+    this.connection.retry();
+  }
+
   /** How finely the surface is loaded from now on. */
   setDetail(detail: Detail | 'auto'): void {
     this.isDetailOwn = detail === 'auto';
@@ -122,7 +135,8 @@ export class App {
     } else if (detail === 'fine' && (pace.isLess || surface.triangles > 4 * ENOUGH_TRIANGLES)) {
       this.wasTooFine = true;
       this.load('medium');
-    } else if (detail === 'medium' && pace.isLeast) {
+    } else if (detail === 'medium' && pace.isLeast && surface.triangles > ENOUGH_TRIANGLES) {
+      // Only where the map is large: what a coarse lattice finds of thin walls has holes.
       this.load('coarse');
     }
   }

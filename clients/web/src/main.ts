@@ -75,6 +75,7 @@ function build(app: App, view: HTMLElement, canvas: HTMLCanvasElement): void {
   new KeyDialog(app);
   view.append(tools.element, notice, empty);
   document.body.append(top.element, top.banner, panel.element, query.element);
+  viewer.setCovered({ above: top.element.offsetHeight + tools.element.offsetHeight });
 
   let going: ReturnType<typeof setTimeout> | undefined;
   app.notice.watch((text) => {
@@ -92,6 +93,7 @@ function build(app: App, view: HTMLElement, canvas: HTMLCanvasElement): void {
     '?': showHelp,
     f: () => viewer.fit(),
     g: () => tools.switchMode(),
+    p: () => tools.switchForm(),
     l: () => slice.setOn(!slice.isOn),
     '[': () => slice.step(-1),
     ']': () => slice.step(1),

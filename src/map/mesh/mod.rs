@@ -2,6 +2,7 @@
 
 mod cases;
 mod extract;
+mod glb;
 mod lattice;
 mod pieces;
 mod ply;
@@ -11,7 +12,18 @@ mod tests;
 use glam::Vec3;
 
 pub use extract::{default_resolution_m, extract_mesh};
-pub use pieces::{Detail, MeshPart, PieceKey, PieceTable, WholeMesh, packed_piece, piece_size_m};
+pub use pieces::{
+    Detail, MeshPart, PieceKey, PieceTable, WholeMesh, packed_piece, piece_size_m, vertex_colors,
+};
+
+/// Files of meshes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MeshFormat {
+    /// Z up, sRGB.
+    Ply,
+    /// Binary glTF: y up, linear colours.
+    Glb,
+}
 
 /// Triangles in world metres, counter-clockwise as seen from free space.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -24,6 +36,19 @@ pub struct TriangleMesh {
 }
 
 impl TriangleMesh {
+    /// Writes a file with a colour for each vertex, sRGB, unless `colors` is empty.
+    pub fn write(
+        &self,
+        format: MeshFormat,
+        colors: &[[u8; 3]],
+        out: &mut impl std::io::Write,
+    ) -> std::io::Result<()> {
+        match format {
+            MeshFormat::Ply => self.write_ply_with(colors, out),
+            MeshFormat::Glb => self.write_glb_with(colors, out),
+        }
+    }
+
     /// The corners of triangle `index`.
     pub fn corners(&self, index: usize) -> [Vec3; 3] {
         self.triangles[index].map(|vertex| self.vertices[vertex as usize])

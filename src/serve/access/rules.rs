@@ -113,6 +113,7 @@ pub(in crate::serve) const RULES: &[Rule] = &[
     post(Admin, "/v1/maps/{map}/snapshots/{name}/restore"),
     get(Read, "/v1/maps/{map}/mesh/pieces"),
     get(Read, "/v1/maps/{map}/mesh.ply"),
+    get(Read, "/v1/maps/{map}/mesh.glb"),
     Rule { is_stream: true, ..get(Read, "/v1/events") },
     get(Nothing, "/assets/{file}"),
     get(Admin, "/v1/config"),

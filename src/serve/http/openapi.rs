@@ -27,7 +27,7 @@ use super::{
         `orenx-request-id`, the client's own if it sent a sane `x-request-id`."),
     servers((url = "/")),
     paths(
-        dashboard::root, dashboard::asset, events::events, pieces::pieces, pieces::ply,
+        dashboard::root, dashboard::asset, events::events, pieces::pieces, pieces::ply, pieces::glb,
         probes::healthy, probes::alive, probes::ready, probes::metrics,
         probes::openapi, admin::config, admin::log, maps::list, maps::detail, maps::create, maps::delete, maps::stats, maps::reset, edits::clear, edits::stamp, points::query,
         images::render, language::text, language::embedding, language::classify,

@@ -15,7 +15,7 @@ use super::options::{check_integer, decoded, number, one_of};
 use super::refusal::Refusal;
 use super::{Edge, MapId};
 use crate::error::Error;
-use crate::map::Detail;
+use crate::map::{Detail, MeshFormat};
 use crate::service::{PiecesQuestion, PiecesReply};
 use crate::wire::{EPOCH, NEWEST_STAMP_NS, SERVER_US};
 
@@ -164,6 +164,31 @@ pub(super) async fn ply(
     MapId(map_id): MapId,
     RawQuery(query): RawQuery,
 ) -> Result<Response, Refusal> {
+    file(&edge, map_id, query.as_deref(), MeshFormat::Ply).await
+}
+
+/// The surface as a GLB file
+///
+/// Binary glTF 2.0, which browsers, Blender and engines open: metres, y up, normals and colours at the
+/// vertices, without light of its own.
+#[utoipa::path(get, path = "/v1/maps/{map}/mesh.glb", tag = "render",
+    params(openapi::MapPath, MeshQuery),
+    responses((status = 200, description = "The file.",
+        content((openapi::Raw = "model/gltf-binary"))), MapRefusals))]
+pub(super) async fn glb(
+    State(edge): State<Arc<Edge>>,
+    MapId(map_id): MapId,
+    RawQuery(query): RawQuery,
+) -> Result<Response, Refusal> {
+    file(&edge, map_id, query.as_deref(), MeshFormat::Glb).await
+}
+
+async fn file(
+    edge: &Edge,
+    map_id: String,
+    query: Option<&str>,
+    format: MeshFormat,
+) -> Result<Response, Refusal> {
     let service = edge.service()?;
     service.map_detail(&map_id)?;
     let mut resolution_m = None;
@@ -177,15 +202,19 @@ pub(super) async fn ply(
             return Err(Error::invalid(key, "is there twice").into());
         }
     }
-    let reply = service.mesh_ply(&map_id, resolution_m).await?;
+    let reply = service.mesh_file(&map_id, format, resolution_m).await?;
     let share = edge.share(reply.answer.len())?;
     let body = Parts::new(vec![Bytes::from(reply.answer)], share);
     let name = HeaderName::from_static;
     // Ids of maps are words of letters, digits and a few marks.
-    let file = format!("attachment; filename=\"{map_id}.ply\"");
+    let (ending, media) = match format {
+        MeshFormat::Ply => ("ply", "application/octet-stream"),
+        MeshFormat::Glb => ("glb", "model/gltf-binary"),
+    };
+    let file = format!("attachment; filename=\"{map_id}.{ending}\"");
     let mut response = Response::new(Body::new(body));
     let headers = response.headers_mut();
-    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/octet-stream"));
+    headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(media));
     if let Ok(file) = HeaderValue::from_str(&file) {
         headers.insert(header::CONTENT_DISPOSITION, file);
     }

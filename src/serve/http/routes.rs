@@ -54,6 +54,7 @@ routes! {
     "/v1/maps/{map}/watch/trajectories" => post(watches::trajectories),
     "/v1/maps/{map}/mesh/pieces" => get(pieces::pieces),
     "/v1/maps/{map}/mesh.ply" => get(pieces::ply),
+    "/v1/maps/{map}/mesh.glb" => get(pieces::glb),
     "/v1/maps/{map}/snapshots" => get(snapshots::list).post(snapshots::create),
     "/v1/maps/{map}/snapshots/{name}" =>
         get(snapshots::download).put(snapshots::upload).delete(snapshots::delete),

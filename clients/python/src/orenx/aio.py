@@ -11,20 +11,11 @@ from collections.abc import (
     Awaitable,
     Iterable,
     Mapping,
-    Sequence,
 )
-from functools import update_wrapper
-from typing import (
-    Any,
-    Callable,
-    Generic,
-    TypeVar,
-    overload,
-)
+from typing import Any, Callable, TypeVar
 
 import grpc.aio
-from numpy.typing import ArrayLike
-from typing_extensions import Concatenate, ParamSpec, Unpack
+from typing_extensions import Concatenate, ParamSpec
 
 from . import aio_files, over_grpc
 from .address import Access, Grpc, Pem, read_url
@@ -33,13 +24,11 @@ from .books import Books, Policy, StreamReport
 from .errors import Error, UnavailableError
 from .files import Path
 from .frames import Ack, Frame
-from .geometry import Box
 from .over_zenoh import PATIENCE_S, ZenohSession
-from .signatures import without_map
+from .signatures import Method
 from .v1 import ingest_pb2
 from .verbs import (
     Ask,
-    Terms,
     admin,
     edits,
     language,
@@ -55,28 +44,22 @@ P = ParamSpec("P")
 A = TypeVar("A")
 
 
-class _Asked(Generic[P, A]):
-    """A method of Map that asks what a verb says; its answer is awaited."""
+def _asks(build: Callable[Concatenate[str, P], Ask[A]]) -> Method[P, Awaitable[A]]:
+    """Sends the question; the answer is awaited."""
 
-    def __init__(self, build: Callable[Concatenate[str, P], Ask[A]]):
-        self._build = build
-        self.__doc__ = build.__doc__
-        self.__signature__ = without_map(build)
+    async def send(client: Client, make: Callable[[], Ask[A]]) -> A:
+        return await client._ask(make())
 
-    @overload
-    def __get__(self, of: None, owner: type) -> _Asked[P, A]: ...
-    @overload
-    def __get__(self, of: Map, owner: type) -> Callable[P, Awaitable[A]]: ...
-    def __get__(self, of: Map | None, owner: type) -> Any:
-        if of is None:
-            return self
+    return Method(build, send)
 
-        async def method(*args: P.args, **kwargs: P.kwargs) -> A:
-            return await of._client._ask(self._build(of.map_id, *args, **kwargs))
 
-        update_wrapper(method, self._build)
-        method.__signature__ = self.__signature__  # type: ignore[attr-defined]
-        return method
+def _watches(build: Callable[Concatenate[str, P], Ask[A]]) -> Method[P, AsyncIterator[A]]:
+    """Sends the question; the answers come one after another."""
+
+    def send(client: Client, make: Callable[[], Ask[A]]) -> AsyncIterator[A]:
+        return client._watch(make())
+
+    return Method(build, send, "AsyncIterator[{}]")
 
 
 class Map:
@@ -91,27 +74,29 @@ class Map:
         """Its name and where it is."""
         return f"orenx.aio.Map({self.map_id!r} at {self._client.url})"
 
-    query_points = _Asked(query.query_points)
-    query_spheres = _Asked(planner.query_spheres)
-    check_trajectories = _Asked(planner.check_trajectories)
-    cast_rays = _Asked(planner.cast_rays)
-    nearest = _Asked(planner.nearest)
-    grid = _Asked(planner.grid)
-    slice = _Asked(planner.slice)
-    render = _Asked(render.render)
-    ask = _Asked(language.ask)
-    ask_embedding = _Asked(language.ask_embedding)
-    classify = _Asked(language.classify)
-    encoders = _Asked(language.encoders)
-    info = _Asked(maps.info)
-    stats = _Asked(maps.stats)
-    reset = _Asked(maps.reset)
-    clear = _Asked(edits.clear)
-    stamp = _Asked(edits.stamp)
-    list_snapshots = _Asked(snapshots.list_snapshots)
-    create_snapshot = _Asked(snapshots.create_snapshot)
-    restore_snapshot = _Asked(snapshots.restore_snapshot)
-    delete_snapshot = _Asked(snapshots.delete_snapshot)
+    query_points = _asks(query.query_points)
+    query_spheres = _asks(planner.query_spheres)
+    check_trajectories = _asks(planner.check_trajectories)
+    cast_rays = _asks(planner.cast_rays)
+    nearest = _asks(planner.nearest)
+    grid = _asks(planner.grid)
+    slice = _asks(planner.slice)
+    render = _asks(render.render)
+    ask = _asks(language.ask)
+    ask_embedding = _asks(language.ask_embedding)
+    classify = _asks(language.classify)
+    encoders = _asks(language.encoders)
+    info = _asks(maps.info)
+    stats = _asks(maps.stats)
+    reset = _asks(maps.reset)
+    clear = _asks(edits.clear)
+    stamp = _asks(edits.stamp)
+    list_snapshots = _asks(snapshots.list_snapshots)
+    create_snapshot = _asks(snapshots.create_snapshot)
+    restore_snapshot = _asks(snapshots.restore_snapshot)
+    delete_snapshot = _asks(snapshots.delete_snapshot)
+    watch_region = _watches(watch.watch_region)
+    watch_trajectory = _watches(watch.watch_trajectory)
 
     async def download_snapshot(
         self, name: str, path: Path, *, timeout_s: float | None = None
@@ -132,46 +117,6 @@ class Map:
         """
         ask = snapshots.upload(self.map_id, name, timeout_s=timeout_s)
         return await self._client._upload(ask, path)
-
-    def watch_region(
-        self,
-        region: Box | ArrayLike,
-        voxel_m: float,
-        *,
-        min_interval_ms: int = 0,
-        tolerance_m: float = 0.0,
-    ) -> AsyncIterator[watch.RegionUpdate]:
-        """A box as it is, and then what changes in it."""
-        ask = watch.watch_region(
-            self.map_id,
-            region,
-            voxel_m,
-            min_interval_ms=min_interval_ms,
-            tolerance_m=tolerance_m,
-        )
-        return self._client._watch(ask)
-
-    def watch_trajectory(
-        self,
-        spheres: ArrayLike,
-        trajectories: ArrayLike | Sequence[ArrayLike],
-        *,
-        margin_m: float = 0.0,
-        swept: bool = False,
-        drop_m: float = 0.0,
-        **terms: Unpack[Terms],
-    ) -> AsyncIterator[planner.Verdicts]:
-        """What check_trajectories says, and again when a path becomes safe or unsafe."""
-        ask = watch.watch_trajectory(
-            self.map_id,
-            spheres,
-            trajectories,
-            margin_m=margin_m,
-            swept=swept,
-            drop_m=drop_m,
-            **terms,
-        )
-        return self._client._watch(ask)
 
     async def open_stream(
         self,

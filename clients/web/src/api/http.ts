@@ -61,7 +61,8 @@ export class Api {
 
   async ask(path: string, ask: Ask = {}): Promise<Response> {
     const headers = new Headers({ accept: ask.accept ?? 'application/json' });
-    if (this.key !== null) headers.set('authorization', `Bearer ${this.key}`);
+    const { key } = this;
+    if (key !== null) headers.set('authorization', `Bearer ${key}`);
     let body = ask.body ?? null;
     if (ask.json !== undefined) {
       headers.set('content-type', 'application/json');
@@ -81,7 +82,8 @@ export class Api {
     }
     if (response.ok) return response;
     const refused = await refusal(response);
-    if (refused.status === 401) this.onUnauthenticated();
+    // What was asked with the last key says nothing of this one.
+    if (refused.status === 401 && key === this.key) this.onUnauthenticated();
     throw refused;
   }
 

@@ -92,3 +92,22 @@ export function placeOf(piece: Piece, vertex: number, pieceM: number, out: Float
     out[axis] = ((piece.key[axis] ?? 0) + place / 65535) * pieceM;
   }
 }
+
+/** The unit normals, four a vertex of which the last is 0: two bytes of an unfolded octahedron become
+ * what shaders read as it is. */
+export function normalsOf({ places }: Piece): Int8Array {
+  const normals = new Int8Array(places.length);
+  for (let at = 0; at < places.length; at += 4) {
+    const both = places[at + 3] ?? 0;
+    let [x, y] = [(both & 255) / 127.5 - 1, (both >> 8) / 127.5 - 1];
+    const z = 1 - Math.abs(x) - Math.abs(y);
+    const below = Math.max(-z, 0);
+    x += x < 0 ? below : -below;
+    y += y < 0 ? below : -below;
+    const scale = 127 / Math.max(Math.hypot(x, y, z), 1e-6);
+    normals[at] = Math.round(x * scale);
+    normals[at + 1] = Math.round(y * scale);
+    normals[at + 2] = Math.round(z * scale);
+  }
+  return normals;
+}

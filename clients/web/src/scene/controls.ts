@@ -13,10 +13,14 @@ const LEFT_AFTER_SECOND = 1e-5;
 /** Radians a pixel. */
 const TURN = 0.0055;
 
-interface Stand {
-  target: Vector3;
+/** Radians: round the up axis, and up. */
+export interface Turned {
   yaw: number;
   pitch: number;
+}
+
+interface Stand extends Turned {
+  target: Vector3;
   radius: number;
 }
 
@@ -60,7 +64,7 @@ export class Controls {
   }
 
   /** Looks at a place from a distance, from where it looks now or along `from`. */
-  lookAt(target: Vector3, radius: number, from?: { yaw: number; pitch: number }): void {
+  lookAt(target: Vector3, radius: number, from?: Turned): void {
     this.goal.target.copy(target);
     this.goal.radius = clamp(radius, NEAREST_M, FARTHEST_M);
     if (from) {
@@ -229,12 +233,27 @@ const KEYS = new Set([
   ...['Minus', 'Equal', 'NumpadSubtract', 'NumpadAdd'],
 ]);
 
-function direction({ yaw, pitch }: Stand): Vector3 {
+function direction({ yaw, pitch }: Turned): Vector3 {
   return new Vector3(
     Math.cos(pitch) * Math.cos(yaw),
     Math.cos(pitch) * Math.sin(yaw),
     Math.sin(pitch),
   );
+}
+
+/** How far from its middle all of a box is seen; `wide` and `steep` are tangents of half of the view. */
+export function distanceToSee(min: Vector3, max: Vector3, from: Turned, wide: number, steep: number): number {
+  const forward = direction(from);
+  const right = new Vector3(Math.sin(from.yaw), -Math.cos(from.yaw), 0);
+  const up = right.clone().cross(forward);
+  let distance = 0;
+  for (let corner = 0; corner < 8; corner += 1) {
+    const sign = (bit: number) => ((corner >> bit) & 1) - 0.5;
+    const at = max.clone().sub(min).multiply(new Vector3(sign(0), sign(1), sign(2)));
+    const aside = Math.max(Math.abs(at.dot(right)) / wide, Math.abs(at.dot(up)) / steep);
+    distance = Math.max(distance, aside - at.dot(forward));
+  }
+  return distance;
 }
 
 export function clamp(value: number, low: number, high: number): number {

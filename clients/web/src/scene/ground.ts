@@ -1,54 +1,74 @@
-// A grid of metres under the map, that fades with distance.
+// A grid of metres under the map, that fades with distance. Lines: a plane would cost every pixel beside
+// the map.
 
-import { Color, DoubleSide, Mesh, PlaneGeometry, ShaderMaterial } from 'three';
+import { BufferAttribute, BufferGeometry, Color, LineSegments, ShaderMaterial } from 'three';
 
-const SIDE_M = 400;
+/** Lines to either side of the middle. */
+const LINES = 24;
+/** Every so many is stronger; and where a map is large, one of so many is left, again and again. */
+const STRONG = 5;
 
 export class Ground {
-  readonly mesh: Mesh<PlaneGeometry, ShaderMaterial>;
+  readonly mesh: LineSegments<BufferGeometry, ShaderMaterial>;
 
   constructor() {
     const material = new ShaderMaterial({
       transparent: true,
       depthWrite: false,
-      side: DoubleSide,
-      uniforms: { ink: { value: new Color(1, 1, 1) }, reach: { value: 20 } },
+      uniforms: { ink: { value: new Color(1, 1, 1) } },
       vertexShader: /* glsl */ `
-        varying vec3 vPlace;
+        attribute float weight;
+        varying float vWeight;
         void main() {
-          vec4 world = modelMatrix * vec4(position, 1.0);
-          vPlace = world.xyz;
-          gl_Position = projectionMatrix * viewMatrix * world;
+          vWeight = weight;
+          gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
         }`,
       fragmentShader: /* glsl */ `
         uniform vec3 ink;
-        uniform float reach;
-        varying vec3 vPlace;
-        float lines(vec2 at, float width) {
-          vec2 step = fwidth(at);
-          vec2 off = abs(fract(at - 0.5) - 0.5) / max(step, 1e-6);
-          float line = 1.0 - min(min(off.x, off.y) / width, 1.0);
-          return line * (1.0 - smoothstep(0.25, 0.6, max(step.x, step.y)));
-        }
+        varying float vWeight;
         void main() {
-          float far = 1.0 - smoothstep(0.2, 1.0, distance(vPlace, cameraPosition) / (reach * 3.0));
-          float seen = max(lines(vPlace.xy, 1.1) * 0.16, lines(vPlace.xy / 5.0, 1.4) * 0.3);
-          gl_FragColor = vec4(ink, seen * far);
+          gl_FragColor = vec4(ink, vWeight);
         }`,
     });
-    this.mesh = new Mesh(new PlaneGeometry(SIDE_M, SIDE_M), material);
+    this.mesh = new LineSegments(grid(), material);
     this.mesh.renderOrder = -1;
+    this.mesh.frustumCulled = false;
   }
 
   place(x: number, y: number, z: number, reach: number): void {
-    // In whole metres, so that the lines stay where they are.
-    this.mesh.position.set(Math.round(x), Math.round(y), z);
-    const uniform = this.mesh.material.uniforms.reach;
-    if (uniform) uniform.value = reach;
+    let step = 1;
+    while (1.5 * reach > LINES * step) step *= STRONG;
+    // In whole strong steps, so that the lines stay where they are.
+    const snapped = (at: number) => step * STRONG * Math.round(at / step / STRONG);
+    this.mesh.scale.setScalar(step);
+    this.mesh.position.set(snapped(x), snapped(y), z);
   }
 
   setInk(dark: boolean): void {
     const uniform = this.mesh.material.uniforms.ink;
     if (uniform) uniform.value = dark ? new Color(0.75, 0.82, 0.95) : new Color(0.2, 0.22, 0.28);
   }
+}
+
+/** Lines in short pieces: some drivers drop one of which a part is far outside of the view. */
+function grid(): BufferGeometry {
+  const places: number[] = [];
+  const weights: number[] = [];
+  const add = (x: number, y: number, strength: number) => {
+    const off = Math.hypot(x, y) / LINES;
+    places.push(x, y, 0);
+    weights.push(strength * Math.max(0, 1 - off * off));
+  };
+  for (let line = -LINES; line <= LINES; line += 1) {
+    const strength = line % STRONG === 0 ? 0.26 : 0.12;
+    for (let at = -LINES; at < LINES; at += 1) {
+      if (Math.hypot(line, at + 0.5) > LINES) continue;
+      for (const end of [at, at + 1]) add(line, end, strength);
+      for (const end of [at, at + 1]) add(end, line, strength);
+    }
+  }
+  const geometry = new BufferGeometry();
+  geometry.setAttribute('position', new BufferAttribute(new Float32Array(places), 3));
+  geometry.setAttribute('weight', new BufferAttribute(new Float32Array(weights), 1));
+  return geometry;
 }

@@ -14,7 +14,7 @@ export class Labels {
     host.append(this.layer);
   }
 
-  place(robots: { id: string; place: Vector3 }[], camera: Camera, host: HTMLElement): void {
+  place(robots: { id: string; place: Vector3 }[], camera: Camera, size: { width: number; height: number }): void {
     for (const [id, label] of this.labels) {
       if (!robots.some((robot) => robot.id === id)) {
         label.remove();
@@ -26,8 +26,8 @@ export class Labels {
       const at = place.clone().project(camera);
       const isSeen = at.z < 1 && Math.abs(at.x) < 1.05 && Math.abs(at.y) < 1.05;
       label.hidden = !isSeen;
-      const x = (at.x * 0.5 + 0.5) * host.clientWidth;
-      const y = (0.5 - at.y * 0.5) * host.clientHeight;
+      const x = (at.x * 0.5 + 0.5) * size.width;
+      const y = (0.5 - at.y * 0.5) * size.height;
       label.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
     });
   }

@@ -1,36 +1,49 @@
-// Draws less where a machine is slow, and says what.
+// Draws less while the view moves, where a machine is slow, and says what. At rest everything is drawn.
+
+import type { Level } from './shape';
 
 export interface Quality {
-  /** Of the screen's own pixels, a side. */
+  /** Drawn for each pixel of the page, a side. Two are smooth on any screen: edges have no other smoothing. */
   pixels: number;
-  /** Share of the pieces that are drawn while the eye moves, the nearest first. */
-  pieces: number;
+  /** How many of the triangles. */
+  level: Level;
 }
+
+export const ALL: Quality = { pixels: 2, level: 0 };
 
 /** From all to the least. */
 const STEPS: Quality[] = [
-  { pixels: 1, pieces: 1 },
-  { pixels: 0.75, pieces: 1 },
-  { pixels: 0.5, pieces: 1 },
-  { pixels: 0.5, pieces: 0.6 },
-  { pixels: 0.4, pieces: 0.35 },
+  ALL,
+  { pixels: 1.4, level: 0 },
+  { pixels: 1, level: 0 },
+  { pixels: 1, level: 1 },
+  { pixels: 0.7, level: 1 },
+  { pixels: 0.7, level: 2 },
+  { pixels: 0.5, level: 2 },
 ];
 
-const SLOW_MS = 33;
+/** Thirty frames a second, and what a clock is off by. */
+const SLOW_MS = 35;
 const QUICK_MS = 18;
 /** Frames that are looked at before a step. */
-const FRAMES = 8;
+const FRAMES = 5;
+/** Where a machine begins that has no graphics card. */
+const SOFTWARE_STEP = 3;
 
 /** Watches the times of frames that follow each other. */
 export class Pace {
-  private step = 0;
+  private step: number;
   private times: number[] = [];
   /** After a step up that was one too many, the next one waits longer. */
   private patience = 1;
   private proven = false;
 
+  constructor(isSoftware = false) {
+    this.step = isSoftware ? SOFTWARE_STEP : 0;
+  }
+
   get quality(): Quality {
-    return STEPS[this.step] ?? { pixels: 1, pieces: 1 };
+    return STEPS[this.step] ?? ALL;
   }
 
   get isLess(): boolean {
@@ -46,39 +59,33 @@ export class Pace {
     return this.step === STEPS.length - 1;
   }
 
-  /** One frame took so long from the last one; whether the quality is another now. */
-  frame(ms: number): boolean {
+  /** The next frame begins a movement: how long ago the last one was tells nothing. */
+  begin(): void {
+    this.times = [];
+  }
+
+  /** One frame took so long from the last one. */
+  frame(ms: number): void {
     // A tab that was away, or a machine that slept.
-    if (ms > 2_000) return false;
+    if (ms > 2_000) return;
     this.times.push(ms);
-    const wanted = this.isSlow() ? FRAMES : FRAMES * 4 * this.patience;
-    if (this.times.length < wanted) return false;
+    const wanted = this.isSlow() ? FRAMES : FRAMES * 5 * this.patience;
+    if (this.times.length < wanted) return;
     const median = [...this.times].sort((a, b) => a - b)[Math.floor(this.times.length / 2)] ?? 0;
     this.times = [];
     this.proven = median < QUICK_MS;
-    if (median > SLOW_MS && this.step < STEPS.length - 1) {
-      this.step += 1;
+    if (median > SLOW_MS && !this.isLeast) {
+      // A step halves what a frame costs, about.
+      const steps = Math.max(1, Math.round(Math.log2(median / SLOW_MS)));
+      this.step = Math.min(this.step + steps, STEPS.length - 1);
       this.patience = Math.min(this.patience * 2, 32);
-      return true;
-    }
-    if (median < QUICK_MS && this.step > 0) {
+    } else if (median < QUICK_MS && this.step > 0) {
       this.step -= 1;
-      return true;
     }
-    return false;
   }
 
   private isSlow(): boolean {
     const last = this.times.slice(-FRAMES);
     return last.length === FRAMES && last.every((ms) => ms > SLOW_MS);
-  }
-
-  /** What is drawn less of, or nothing. */
-  get says(): string {
-    const { pixels, pieces } = this.quality;
-    const parts = [];
-    if (pixels < 1) parts.push(`${Math.round(pixels * 100)} % of the pixels a side`);
-    if (pieces < 1) parts.push(`${Math.round(pieces * 100)} % of the map while moving`);
-    return parts.length > 0 ? `This device is slow: drawing ${parts.join(', ')}` : '';
   }
 }

@@ -1,29 +1,43 @@
 // The 3D view: everything that is drawn, the eye, and a loop that draws only what is new.
 
+import type { Box3 } from 'three';
 import { PerspectiveCamera, Quaternion, Raycaster, Scene, Vector2, Vector3, WebGLRenderer, Plane } from 'three';
 
 import type { MapSummary, Pose, RobotReport, Triple } from '../api/types';
 import type { Heat } from '../mesh/heat';
 import type { Pieces } from '../mesh/read';
-import { Controls, clamp } from './controls';
+import { Controls, clamp, distanceToSee } from './controls';
 import { FoundBoxes, Pointer } from './found';
 import { Ground } from './ground';
 import { Labels } from './labels';
-import { Pace } from './pace';
+import type { Quality } from './pace';
+import { ALL, Pace } from './pace';
 import { Robots } from './robots';
+import type { Form } from './shape';
 import { SlicePlane } from './slice';
 import { Surface } from './surface';
 
+/** From where all of a map is looked at. */
+const OVERVIEW = { yaw: 2.25, pitch: -0.78 };
+/** That are drawn at once: those of a large screen. */
+const MOST_PIXELS = 3840 * 2160;
+/** Between frames that show what is new, where frames take long, ms. */
+const NEWS_MS = 1_000;
+/** How long it is still said what was left out, ms. */
+const LINGER_MS = 1_500;
+/** How often it is said what is drawn while something moves, ms. */
+const SAY_MS = 250;
 /** Frames of one second are counted. */
 const SECOND_MS = 1_000;
 
 export interface Drawn {
+  /** Of the whole surface. */
   triangles: number;
-  pieces: number;
   /** While something moves; 0 while all is still. */
   framesPerSecond: number;
-  /** What is drawn less of. */
-  less: string;
+  /** What is drawn while something moves, where that is less, and for a moment after: share of the pixels,
+   * and triangles. */
+  less: { pixels: number; triangles: number } | null;
 }
 
 export class Viewer {
@@ -33,7 +47,7 @@ export class Viewer {
   readonly boxes = new FoundBoxes();
   readonly pointer = new Pointer();
   readonly controls: Controls;
-  readonly pace = new Pace();
+  readonly pace: Pace;
   onDrawn: (drawn: Drawn) => void = () => undefined;
 
   private readonly scene = new Scene();
@@ -48,17 +62,25 @@ export class Viewer {
   private recent: number[] = [];
   /** Until a person takes the eye, it keeps all of the map in view. */
   private isOwn = true;
-  private bounds: MapSummary['bounds'] = null;
+  private bounds: Box3 | null = null;
   private followed: string | null = null;
   /** What stands over the view at its right and below, in pixels: the map is centred beside it. */
-  private covered = { right: 0, below: 0 };
+  private covered = { right: 0, above: 0, below: 0 };
+  /** Of the view, and of what is drawn into, pixels. */
+  private size = { width: 0, height: 0 };
+  private buffer = '';
+  /** Triangles that were drawn when something moved last. */
+  private drawnMoving = 0;
+  private said = 0;
+  private movedAt = -Infinity;
+  private news: ReturnType<typeof setTimeout> | undefined;
 
   constructor(
     private readonly host: HTMLElement,
     canvas: HTMLCanvasElement,
   ) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, powerPreference: 'high-performance' });
-    this.renderer.setClearAlpha(0);
+    this.renderer = new WebGLRenderer({ canvas, antialias: false, alpha: false, powerPreference: 'high-performance' });
+    this.pace = new Pace(isSoftware(this.renderer));
     this.controls = new Controls(this.camera, canvas);
     this.controls.onMove = () => this.invalidate();
     this.controls.onTouched = () => {
@@ -79,61 +101,124 @@ export class Viewer {
     requestAnimationFrame((now) => this.frame(now));
   }
 
+  /** The map is another one: on a slow machine a frame a second says so, and robots on it go on. */
+  private invalidateSoon(): void {
+    if (!this.pace.isLess || this.moving) {
+      this.invalidate();
+      return;
+    }
+    const wait = this.last + NEWS_MS - performance.now();
+    this.news ??= setTimeout(() => {
+      this.news = undefined;
+      this.invalidate();
+    }, Math.max(0, wait));
+  }
+
   private frame(now: number): void {
     this.requested = false;
     const wasMoving = this.moving;
     const passed = now - this.last;
     this.last = now;
     // Frames that follow each other tell how fast this machine is.
-    if (wasMoving && this.pace.frame(passed)) this.resize();
+    if (wasMoving) this.pace.frame(passed);
+    else this.pace.begin();
     this.moving = this.controls.update(wasMoving ? Math.min(passed, 100) / 1000 : 1 / 60);
-    this.surface.thin(this.moving ? this.pace.quality.pieces : 1, this.camera.position);
-    this.renderer.render(this.scene, this.camera);
-    this.labels.place(this.robots.places(), this.camera, this.host);
+    this.draw(this.moving ? this.pace.quality : this.rest());
     this.count(now, wasMoving);
     if (this.moving) this.invalidate();
   }
 
+  /** Everything, and as sharply as the screen is; smooth edges are for machines that have time for them. */
+  private rest(): Quality {
+    if (this.pace.quality.level === 0) return ALL;
+    setTimeout(() => !this.moving && this.tell(performance.now()), LINGER_MS);
+    return { ...ALL, pixels: Math.min(devicePixelRatio, ALL.pixels) };
+  }
+
+  private draw(quality: Quality): void {
+    const { width, height } = this.size;
+    if (width === 0 || height === 0) return;
+    const pixels = Math.min(quality.pixels, Math.sqrt(MOST_PIXELS / (width * height)));
+    const buffer = [width, height, pixels].join();
+    if (buffer !== this.buffer) {
+      this.buffer = buffer;
+      this.renderer.setDrawingBufferSize(width, height, pixels);
+      this.surface.setScale((0.5 * height * pixels) / Math.tan((this.camera.fov * Math.PI) / 360));
+    }
+    this.surface.setLevel(quality.level);
+    this.renderer.render(this.scene, this.camera);
+    this.labels.place(this.robots.places(), this.camera, this.size);
+  }
+
   private count(now: number, wasMoving: boolean): void {
     this.recent = wasMoving ? [...this.recent.filter((at) => now - at < SECOND_MS), now] : [now];
+    if (this.moving) {
+      this.drawnMoving = this.surface.drawn;
+      this.movedAt = now;
+    }
+    // What is written is drawn too.
+    if (this.moving && now - this.said < SAY_MS) return;
+    this.tell(now);
+  }
+
+  private tell(now: number): void {
+    this.said = now;
     const span = now - (this.recent[0] ?? now);
     this.onDrawn({
       triangles: this.surface.triangles,
-      pieces: this.surface.pieces,
       framesPerSecond: this.moving && span > 200 ? ((this.recent.length - 1) * 1000) / span : 0,
-      less: this.pace.says,
+      less: this.pace.isLess && now - this.movedAt < LINGER_MS ? { pixels: this.pixelShare(), triangles: this.drawnMoving } : null,
     });
+  }
+
+  /** Of the screen's own pixels. */
+  private pixelShare(): number {
+    return Math.min(1, this.pace.quality.pixels / Math.min(devicePixelRatio, 2)) ** 2;
   }
 
   private resize(): void {
     const { clientWidth: width, clientHeight: height } = this.host;
     if (width === 0 || height === 0) return;
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2) * this.pace.quality.pixels);
-    this.renderer.setSize(width, height, false);
+    this.size = { width, height };
     this.robots.setSize(width, height);
     this.boxes.setSize(width, height);
     this.pointer.lines.material.resolution.set(width, height);
     this.camera.aspect = width / height;
-    const { right, below } = this.covered;
-    this.camera.setViewOffset(width, height, right / 2, below / 2, width, height);
+    const { right, above, below } = this.covered;
+    this.camera.setViewOffset(width, height, right / 2, (below - above) / 2, width, height);
     this.camera.updateProjectionMatrix();
     if (this.isOwn) this.fit();
     this.invalidate();
   }
 
-  setCovered(covered: { right?: number; below?: number }): void {
+  setCovered(covered: { right?: number; above?: number; below?: number }): void {
     this.covered = { ...this.covered, ...covered };
     this.resize();
   }
 
   setDark(dark: boolean): void {
     this.ground.setInk(dark);
+    // Opaque, so that the browser need not mix it with what is behind. As `--ground` in the styles.
+    this.renderer.setClearColor(dark ? '#11151c' : '#eff1f2');
     this.pointer.lines.material.color.set(dark ? '#ffffff' : '#14181f');
     this.invalidate();
   }
 
   take(pieces: Pieces): void {
     this.surface.take(pieces);
+    const bounds = this.surface.bounds();
+    if (bounds && !(this.bounds && isAlmost(bounds, this.bounds))) {
+      const { min, max } = bounds;
+      const reach = Math.hypot(max.x - min.x, max.y - min.y);
+      this.ground.place((min.x + max.x) / 2, (min.y + max.y) / 2, Math.min(min.z, 0) - 0.02, Math.max(reach, 8));
+      this.bounds = bounds;
+      if (this.isOwn) this.fit();
+    }
+    this.invalidateSoon();
+  }
+
+  setForm(form: Form): void {
+    this.surface.setForm(form);
     this.invalidate();
   }
 
@@ -148,18 +233,10 @@ export class Viewer {
     if (!map.bounds) {
       this.bounds = null;
       this.slice.show(null);
-    } else {
-      const isNew = JSON.stringify(map.bounds) !== JSON.stringify(this.bounds);
-      this.bounds = map.bounds;
-      const { min, max } = map.bounds;
-      this.surface.setHeights(min[2], max[2]);
-      const reach = Math.hypot(max[0] - min[0], max[1] - min[1]);
-      this.ground.place((min[0] + max[0]) / 2, (min[1] + max[1]) / 2, Math.min(min[2], 0) - 0.02, Math.max(reach, 8));
-      if (isNew && this.isOwn) this.fit();
     }
     const followed = this.robots.places().find(({ id }) => id === this.followed);
     if (followed) this.controls.lookAt(followed.place, this.controls.radius);
-    this.invalidate();
+    this.invalidateSoon();
   }
 
   /** Nothing is known of this map yet. */
@@ -178,12 +255,22 @@ export class Viewer {
 
   /** All of the map in view, from above. */
   fit(): void {
-    if (!this.bounds) return;
-    const [min, max] = [new Vector3(...this.bounds.min), new Vector3(...this.bounds.max)];
-    const size = max.clone().sub(min);
-    const half = Math.tan((this.camera.fov * Math.PI) / 360) * Math.min(1, (this.camera.aspect * (this.host.clientWidth - this.covered.right)) / this.host.clientWidth);
-    const radius = clamp((0.5 * Math.hypot(size.x, size.y, size.z * 0.6)) / half, 1, 1_500) * 0.98;
-    this.controls.lookAt(min.add(max).multiplyScalar(0.5), radius, { yaw: 2.25, pitch: -0.78 });
+    if (!this.bounds || this.size.width === 0) return;
+    const { min, max } = this.bounds;
+    const { steep, wide } = this.free();
+    const radius = clamp(distanceToSee(min, max, OVERVIEW, wide, steep) * 1.03, 1, 1_500);
+    this.controls.lookAt(this.bounds.getCenter(new Vector3()), radius, OVERVIEW);
+  }
+
+  /** Half of what is seen beside what stands over the view, as tangents: from the middle to the side, and up. */
+  private free(): { wide: number; steep: number } {
+    const { width, height } = this.size;
+    const { right, above, below } = this.covered;
+    const half = Math.tan((this.camera.fov * Math.PI) / 360);
+    return {
+      wide: half * Math.max(0.2, (width - right) / height),
+      steep: half * Math.max(0.2, (height - above - below) / height),
+    };
   }
 
   /** The eye stays with a robot until a person moves it. */
@@ -212,9 +299,8 @@ export class Viewer {
     this.isOwn = false;
     this.followed = null;
     const target = new Vector3(...center);
-    const { clientWidth: width, clientHeight: height } = this.host;
-    const free = Math.min((width - this.covered.right) / height, (height - this.covered.below) / height);
-    const least = (1.1 * size) / Math.tan((this.camera.fov * Math.PI) / 360) / Math.max(free, 0.3);
+    const { wide, steep } = this.free();
+    const least = (1.1 * size) / Math.min(wide, steep);
     if (!from) {
       this.controls.lookAt(target, Math.max(least, 1));
       return;
@@ -259,4 +345,18 @@ export class Viewer {
     const met = this.ray.ray.intersectPlane(new Plane(new Vector3(0, 0, 1), -z), new Vector3());
     return met ? met.toArray() : null;
   }
+}
+
+/** Whether two boxes differ too little to look from elsewhere: a map that is learned is never quite still. */
+function isAlmost(one: Box3, other: Box3): boolean {
+  const most = 0.02 * one.min.distanceTo(one.max);
+  return one.min.distanceTo(other.min) < most && one.max.distanceTo(other.max) < most;
+}
+
+/** Whether the processor draws. */
+function isSoftware(renderer: WebGLRenderer): boolean {
+  const gl = renderer.getContext();
+  const named = gl.getExtension('WEBGL_debug_renderer_info');
+  const name: unknown = gl.getParameter(named ? named.UNMASKED_RENDERER_WEBGL : gl.RENDERER);
+  return /swiftshader|llvmpipe|software|basic render/i.test(String(name));
 }

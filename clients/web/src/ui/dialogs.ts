@@ -33,6 +33,7 @@ const KEYS: [string, string][] = [
   ['[ ]', 'lower and raise the slice'],
   ['R', 'a picture from here'],
   ['1 2 3 4', 'health, slice, picture, maps'],
+  ['P', 'points instead of triangles'],
   ['T', 'light or dark'],
   ['Esc', 'forget the matches, close'],
   ['?', 'this list'],
@@ -56,22 +57,28 @@ export function showHelp(): void {
 export class KeyDialog {
   private readonly input = h('input', { type: 'password', id: 'api-key', autocomplete: 'off', required: true });
   private readonly problem = h('p', { class: 'hint', role: 'alert' });
+  private readonly head = h('h2', {});
   private readonly dialog: HTMLDialogElement;
 
   constructor(private readonly app: App) {
     const form = h('form', { method: 'dialog', onsubmit: () => this.take() },
-      h('h2', {}, 'This server asks for a key'),
+      this.head,
       h('p', {}, 'It is kept in this tab alone, and sent to this server alone.'),
       h('label', { for: 'api-key' }, 'API key'), this.input, this.problem,
-      h('div', { class: 'row end' }, h('button', { type: 'submit', class: 'primary' }, 'Go on')));
+      h('div', { class: 'row end' },
+        h('button', { type: 'button', onclick: () => this.dialog.close() }, 'Cancel'),
+        h('button', { type: 'submit', class: 'primary' }, 'Go on')));
     this.dialog = h('dialog', { class: 'dialog', 'aria-label': 'API key' }, form);
     document.body.append(this.dialog);
-    app.api.onUnauthenticated = () => this.open();
+    app.api.onUnauthenticated = () =>
+      this.open('This server asks for a key', app.api.hasKey ? 'The server does not know this key.' : '');
+    app.onOtherKey = () => this.open('Another key', '');
   }
 
-  private open(): void {
+  private open(head: string, problem: string): void {
     if (this.dialog.open) return;
-    fill(this.problem, this.app.api.hasKey ? 'The last key was refused.' : '');
+    fill(this.head, head);
+    fill(this.problem, problem);
     this.input.value = '';
     this.dialog.showModal();
     this.input.focus();
@@ -79,11 +86,7 @@ export class KeyDialog {
 
   private take(): void {
     this.app.api.setKey(this.input.value.trim());
-    // What was loaded without it is loaded now.
-    setTimeout(() => {
-      void this.app.refresh();
-      void this.app.loadEncoders();
-      this.app.connection.retry();
-    });
+    // Once the dialog is closed, so that it can ask again.
+    setTimeout(() => this.app.startOver());
   }
 }

@@ -17,24 +17,44 @@ export class MapsPanel {
   private readonly snapshotName = h('input', { type: 'text', id: 'snapshot-name', placeholder: 'a name, if you like', maxlength: 64, autocomplete: 'off', spellcheck: 'false' });
   private readonly file = h('input', { type: 'file', id: 'snapshot-file', accept: '.orenx' });
   private readonly snapshotSection: HTMLElement;
+  /** What takes snapshots, or why there are none. */
+  private readonly snapshotWays: HTMLElement;
+  private readonly noSnapshots = h('p', { class: 'hint' });
+  /** Says which role it takes to change something. */
+  private readonly looksOnly = h('div', { class: 'looks-only', hidden: true },
+    h('p', {}, 'This key may look and ask. To make, empty or delete maps, and for their snapshots, it takes a key with the role ', h('b', {}, 'admin'), '.'),
+    h('button', { type: 'button', onclick: () => this.app.onOtherKey() }, 'Use another key'));
 
   constructor(private readonly app: App) {
+    const createButton = h('button', { type: 'submit' }, 'Create');
+    const emptyButton = h('button', { type: 'button', class: 'danger', onclick: () => void this.reset() }, 'Empty the map …');
     const create = h('form', { class: 'row', onsubmit: (event) => {
       event.preventDefault();
       void this.create();
-    } }, h('label', { for: 'map-name' }, 'New map'), this.name, h('button', { type: 'submit' }, 'Create'));
+    } }, h('label', { for: 'map-name' }, 'New map'), this.name, createButton);
     const take = h('form', { class: 'row', onsubmit: (event) => {
       event.preventDefault();
       void this.takeSnapshot();
     } }, h('label', { for: 'snapshot-name' }, 'Now'), this.snapshotName, h('button', { type: 'submit' }, 'Take'));
     this.file.addEventListener('change', () => void this.upload());
-    this.snapshotSection = h('section', { hidden: true }, h('h3', {}, 'Snapshots of this map'), this.snapshots, take,
+    this.snapshotWays = h('div', { class: 'ways' }, take,
       h('div', { class: 'row' }, h('label', { for: 'snapshot-file' }, 'From a file'), this.file));
-    this.element = h('div', { class: 'maps-panel' }, this.list, create, this.status,
-      h('section', {}, h('h3', {}, 'This map'), h('div', { class: 'row wrap' },
-        h('button', { type: 'button', onclick: () => void this.saveMesh() }, 'Save the mesh (PLY)'),
-        h('button', { type: 'button', class: 'danger', onclick: () => void this.reset() }, 'Empty the map …'))),
+    this.snapshotSection = h('section', { hidden: true }, h('h3', {}, 'Snapshots of this map'),
+      this.snapshots, this.snapshotWays, this.noSnapshots);
+    const save = (ending: string) => h('button', {
+      type: 'button', 'aria-label': `Save the surface as ${ending.toUpperCase()}`, onclick: () => void this.saveMesh(ending),
+    }, ending.toUpperCase());
+    this.element = h('div', { class: 'maps-panel' }, this.list, this.looksOnly, create, this.status,
+      h('section', { class: 'stack' }, h('h3', {}, 'This map'), h('div', { class: 'row wrap' },
+        h('span', {}, 'Save the surface'), save('ply'), save('glb')),
+        h('div', { class: 'row' }, emptyButton)),
       this.snapshotSection);
+    app.isAdmin.watch((isAdmin) => {
+      for (const control of [this.name, createButton, emptyButton]) control.disabled = isAdmin === false;
+      this.looksOnly.hidden = isAdmin !== false;
+      this.draw();
+      if (isAdmin === null) void this.loadSnapshots();
+    });
     app.maps.watch(() => {
       this.draw();
       // A timer of the server takes some too.
@@ -51,7 +71,7 @@ export class MapsPanel {
   }
 
   private draw(): void {
-    const shown = JSON.stringify([this.app.maps.value.map((map) => [map.map_id, map.problem, map.bounds === null]), this.app.mapId.value]);
+    const shown = JSON.stringify([this.app.maps.value.map((map) => [map.map_id, map.problem, map.bounds === null]), this.app.mapId.value, this.app.isAdmin.value]);
     for (const map of this.app.maps.value) {
       const facts = this.list.querySelector(`[data-map="${CSS.escape(map.map_id)}"] .map-facts`);
       if (facts) fill(facts, factsOf(map));
@@ -69,7 +89,9 @@ export class MapsPanel {
         onclick: () => void this.app.choose(map.map_id),
       }, h('span', { class: 'map-name' }, map.map_id), h('span', { class: 'map-facts' }, factsOf(map))),
       map.map_id !== 'default' &&
-        iconButton('trash', `Delete the map ${map.map_id}`, () => void this.remove(map.map_id), { class: 'icon-button danger' }));
+        iconButton('trash', `Delete the map ${map.map_id}`, () => void this.remove(map.map_id), {
+          class: 'icon-button danger', disabled: this.app.isAdmin.value === false,
+        }));
   }
 
   /** Does something that may be refused, and says so. */
@@ -107,22 +129,23 @@ export class MapsPanel {
     await this.attempt('Emptying', () => this.app.api.json(mapPath(this.mapId, '/reset'), { method: 'POST' }));
   }
 
-  private async saveMesh(): Promise<void> {
+  private async saveMesh(ending: string): Promise<void> {
     await this.attempt('Making the mesh', async () => {
-      const ask = { accept: 'application/octet-stream', patienceMs: 60_000 };
-      const answer = await this.app.api.ask(mapPath(this.mapId, '/mesh.ply'), ask);
-      saveBlob(await answer.blob(), `${this.mapId}.ply`);
+      const ask = { accept: '*/*', patienceMs: 60_000 };
+      const answer = await this.app.api.ask(mapPath(this.mapId, `/mesh.${ending}`), ask);
+      saveBlob(await answer.blob(), `${this.mapId}.${ending}`);
     });
   }
 
-  /** The part is hidden where a server has no snapshots. */
+  /** Tells, too, whether the key may change anything. */
   async loadSnapshots(): Promise<void> {
     if (this.app.mapId.value === null) return;
     const mapId = this.mapId;
     try {
       const { snapshots } = await this.app.api.json<{ snapshots: Snapshot[] }>(mapPath(mapId, '/snapshots'));
       if (mapId !== this.mapId) return;
-      this.snapshotSection.hidden = false;
+      this.app.isAdmin.set(true);
+      this.showSnapshots('');
       // Rows stay while they are the same: a button that is pressed must stay.
       const shown = JSON.stringify([mapId, snapshots]);
       if (this.snapshots.dataset.shown === shown) return;
@@ -130,9 +153,19 @@ export class MapsPanel {
       const none = h('li', { class: 'empty' }, 'None yet.');
       fill(this.snapshots, ...(snapshots.length > 0 ? snapshots.map((one) => this.snapshotRow(one)) : [none]));
     } catch (error) {
-      // 404: no such path; 409: a server without storage.
-      this.snapshotSection.hidden = error instanceof Refused;
+      if (!(error instanceof Refused) || error.status === 401 || mapId !== this.mapId) return;
+      this.app.isAdmin.set(error.status !== 403);
+      // As of a server without storage.
+      this.showSnapshots(said(error));
     }
+  }
+
+  /** The list and the ways to more of them, or why there are none. */
+  private showSnapshots(problem: string): void {
+    this.snapshotSection.hidden = this.app.isAdmin.value === false;
+    this.snapshots.hidden = problem !== '';
+    this.snapshotWays.hidden = problem !== '';
+    fill(this.noSnapshots, problem);
   }
 
   private snapshotRow(snapshot: Snapshot): HTMLElement {

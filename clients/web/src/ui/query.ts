@@ -6,6 +6,8 @@ import type { Encoders, Match } from '../api/types';
 import { fill, h, icon, iconButton } from './dom';
 import { metres, milliseconds } from './numbers';
 
+/** Below and above it, pixels. */
+const MARGIN = 30;
 /** Asked with one click, where the map has language. */
 const SUGGESTIONS = ['where is the blanket?', 'something to sit on', 'lamp', 'plant'];
 
@@ -31,6 +33,13 @@ export class QueryBox {
     app.encoders.watch((encoders) => this.explain(encoders));
     app.found.watch((found) => this.show(found));
     this.input.addEventListener('keydown', (event) => this.key(event));
+    // The map is shown above it, whatever it has to say.
+    new ResizeObserver(() => this.cover()).observe(this.element);
+  }
+
+  private cover(): void {
+    const { offsetHeight: height } = this.element;
+    this.app.viewer.setCovered({ below: height > 0 ? height + MARGIN : 0 });
   }
 
   async ask(text: string): Promise<void> {
@@ -64,7 +73,6 @@ export class QueryBox {
   private show(found: Found | null): void {
     this.results.hidden = found === null || found.answer.matches.length === 0;
     this.chips.hidden = found !== null;
-    if (this.results.hidden) this.app.viewer.setCovered({ below: 0 });
     if (!found) return;
     const { matches, server_us: spent } = found.answer;
     const best = matches[0]?.score ?? 1;
@@ -78,7 +86,8 @@ export class QueryBox {
     const list = h('ol', { class: 'matches' }, ...matches.map((match) => this.row(match, best, found.chosen)));
     const hadFocus = this.results.contains(document.activeElement);
     fill(this.results, head, list);
-    this.app.viewer.setCovered({ below: this.results.offsetHeight + this.input.offsetHeight + 32 });
+    // At once: who found something goes there now.
+    this.cover();
     if (hadFocus) list.querySelector<HTMLElement>('[aria-current=true]')?.focus();
   }
 

@@ -14,6 +14,7 @@ export class Top {
   private readonly select = h('select', { id: 'map-select', 'aria-label': 'Map' });
   private readonly state = h('span', { class: 'link', role: 'status' });
   private readonly glance = h('div', { class: 'glance' });
+  private readonly key = iconButton('key', 'Use another key', () => this.app.onOtherKey(), { hidden: true });
   private ticking: ReturnType<typeof setInterval> | undefined;
 
   constructor(private readonly app: App) {
@@ -21,7 +22,7 @@ export class Top {
       h('div', { class: 'brand' }, logo(), h('span', {}, 'orenx')),
       this.select, this.state, this.glance,
       h('div', { class: 'top-buttons' },
-        iconButton('theme', 'Light or dark (T)', switchTheme),
+        this.key, iconButton('theme', 'Light or dark (T)', switchTheme),
         iconButton('help', 'Keys and gestures (?)', showHelp)));
     this.select.addEventListener('change', () => void app.choose(this.select.value));
     app.maps.watch(() => this.drawMaps());
@@ -63,6 +64,7 @@ export class Top {
     if (this.state.textContent !== words[link.kind]) fill(this.state, words[link.kind]);
     document.title = link.kind === 'live' ? `${this.app.mapId.value ?? ''} · orenx` : `${words[link.kind]} · orenx`;
     clearInterval(this.ticking);
+    this.key.hidden = !this.app.api.hasKey;
     this.drawBanner(link);
     if (link.kind === 'lost' || link.kind === 'starting') {
       this.ticking = setInterval(() => this.drawBanner(link), 1000);
@@ -73,7 +75,10 @@ export class Top {
     this.banner.hidden = link.kind === 'live' || link.kind === 'connecting';
     document.body.classList.toggle('stale', link.kind === 'lost');
     if (this.banner.hidden) return;
-    const again = h('button', { type: 'button', onclick: () => this.app.connection.retry() }, 'Try now');
+    const isLocked = link.kind === 'key' || link.kind === 'denied';
+    const again = isLocked
+      ? h('button', { type: 'button', onclick: () => this.app.onOtherKey() }, link.kind === 'key' ? 'Enter a key' : 'Use another key')
+      : h('button', { type: 'button', onclick: () => this.app.connection.retry() }, 'Try now');
     const wait = 'retryAt' in link ? Math.max(0, Math.ceil((link.retryAt - Date.now()) / 1000)) : 0;
     const soon = wait > 0 ? `Trying again in ${wait} s.` : 'Trying again …';
     const text = {

@@ -2,17 +2,15 @@
 // end, `N passed, N failed`.
 //   PROGRAM        the program (target/release/orenx)
 //   ENCODER        the folder of a static text encoder; without it the question in words is skipped
-//   PAGE           another address of the page, as that of `vite preview`, and GRPC and HTTP
-//                  the ports of the server behind it
+//   DIST           a folder with the page, in place of the one that the program has in it
 //   CHROMIUM       the browser (/usr/bin/chromium)
 //   SHOTS          a folder for pictures of what was seen
-import { chromium } from 'playwright-core';
-
+// An argument is a part of the names of the tests that are wanted.
+import { DEADLINE_MS, check, launch, newContext, open, shoot, triangles, until } from './browser.mjs';
+import { guardedTests } from './guarded.mjs';
 import { serve, stopAll, stream } from './server.mjs';
 
-const DEADLINE_MS = 120_000;
-const { ENCODER: encoder = '', PAGE: preview = '', SHOTS: shots = '' } = process.env;
-const { GRPC: grpc = 0, HTTP: http = 0 } = process.env;
+const { ENCODER: encoder = '' } = process.env;
 
 /** What the room is: its wall at x = 3, and the middle of its blanket. */
 const WALL_X = 3;
@@ -20,31 +18,6 @@ const BLANKET = [1.62, 1.5, 0.42];
 
 const tests = [];
 const test = (name, run) => tests.push({ name, run });
-
-function check(is, message) {
-  if (!is) throw new Error(message);
-}
-
-const triangles = (page) => page.locator('.drawn').evaluate((e) => Number(e.dataset.triangles ?? 0));
-
-async function until(page, what, is) {
-  const deadline = Date.now() + DEADLINE_MS;
-  // A new frame each time: nothing is slept through.
-  while (!(await is())) {
-    check(Date.now() < deadline, `${what}: not within ${DEADLINE_MS / 1000} s`);
-    await page.evaluate(() => new Promise((done) => setTimeout(done, 50)));
-  }
-}
-
-/** Opens a page of the panel; what is open stays open. */
-async function open(page, name) {
-  const tab = page.getByRole('tab', { name });
-  if ((await tab.getAttribute('aria-selected')) !== 'true') await tab.click();
-}
-
-async function shoot(page, name) {
-  if (shots) await page.screenshot({ path: `${shots}/${name}.png` });
-}
 
 /** The middle of the picture that the server is asked for: where the eye is and looks. */
 async function eye(page) {
@@ -145,22 +118,6 @@ test('maps are made, chosen and deleted', async ({ page }) => {
   await page.locator('[data-map="attic"]').waitFor({ state: 'detached' });
 });
 
-test('a server that asks for a key gets it from the person', async ({ context, url }) => {
-  const page = await context.newPage();
-  const refusal = { error: { code: 'UNAUTHENTICATED', message: 'an API key is needed' } };
-  await page.route('**/v1/**', async (route) => {
-    const key = await route.request().headerValue('authorization');
-    if (key === 'Bearer sesame') return route.continue();
-    return route.fulfill({ status: 401, json: refusal });
-  });
-  await page.goto(url);
-  await page.getByLabel('API key').last().fill('sesame');
-  await page.getByRole('button', { name: 'Go on' }).click();
-  await page.locator('.link.live').waitFor({ timeout: DEADLINE_MS });
-  await until(page, 'the room is there', async () => (await triangles(page)) > 1000);
-  await page.close();
-});
-
 test('it fits a phone, and nothing leaves this host', async ({ context, url, hosts }) => {
   const page = await context.newPage();
   await page.setViewportSize({ width: 390, height: 844 });
@@ -193,17 +150,10 @@ test('a killed server is noticed, and the page recovers', async (state) => {
 });
 
 async function main() {
-  const browser = await chromium.launch({
-    executablePath: process.env.CHROMIUM ?? '/usr/bin/chromium',
-    args: [
-      '--headless', '--no-sandbox', '--use-angle=swiftshader', '--enable-unsafe-swiftshader',
-      '--disable-background-networking', '--disable-component-update', '--disable-sync',
-      '--no-first-run', '--disable-quic',
-    ],
-  });
-  const context = await browser.newContext({ viewport: { width: 1280, height: 800 } });
-  const state = { context, hosts: new Set(), server: await serve({ grpc: Number(grpc), http: Number(http), encoder }) };
-  state.url = preview || state.server.url;
+  const browser = await launch();
+  const context = await newContext(browser, { viewport: { width: 1280, height: 800 } });
+  const state = { context, hosts: new Set(), server: await serve({ encoder }) };
+  state.url = state.server.url;
   context.on('request', (request) => {
     const { protocol, host } = new URL(request.url());
     if (protocol.startsWith('http')) state.hosts.add(host);
@@ -213,7 +163,8 @@ async function main() {
   state.page.setDefaultTimeout(DEADLINE_MS);
   await state.page.goto(state.url);
   let [passed, failed] = [0, 0];
-  for (const { name, run } of tests) {
+  const wanted = [...tests, ...guardedTests].filter(({ name }) => name.includes(process.argv[2] ?? ''));
+  for (const { name, run } of wanted) {
     let skipped = '';
     const started = Date.now();
     try {

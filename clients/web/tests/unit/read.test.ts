@@ -1,6 +1,6 @@
 import { describe, expect, it } from 'vitest';
 
-import { placeOf, readPieces } from '../../src/mesh/read';
+import { normalsOf, placeOf, readPieces } from '../../src/mesh/read';
 
 /** An answer with one piece: a triangle, coloured or not, with indices of either width. */
 function answer({ colored = true, wide = false, index = 2, fresh = true } = {}): ArrayBuffer {
@@ -40,6 +40,17 @@ describe('the answer with pieces', () => {
     if (piece) placeOf(piece, 1, 1.5, place);
     expect(place[0]).toBeCloseTo(-1.5, 6);
     expect(place[2]).toBeCloseTo(2.25, 4);
+  });
+
+  it('has normals in two bytes', () => {
+    // Folded: up, along x, and down to one side.
+    const packed = [[127.5, 127.5], [255, 127.5], [255, 191]].map(([x = 0, y = 0]) => Math.round(x) + 256 * Math.round(y));
+    const places = new Uint16Array(packed.flatMap((both) => [0, 0, 0, both]));
+    const normals = normalsOf({ key: [0, 0, 0], places, colors: null, indices: new Uint16Array() });
+    expect([...normals.slice(0, 4)]).toEqual([1, 1, 127, 0]);
+    expect(normals[4]).toBeGreaterThan(125);
+    expect(Math.hypot(...normals.slice(8, 11))).toBeCloseTo(127, -0.5);
+    expect(normals[10]).toBeLessThan(-60);
   });
 
   it('may have wide indices and no colours', () => {

@@ -66,18 +66,36 @@ describe('colours of a piece', () => {
 });
 
 describe('the pace', () => {
-  it('draws less while frames are late, and says so', () => {
+  it('draws less while frames are late, and all again once they are not', () => {
     const pace = new Pace();
-    expect(pace.says).toBe('');
-    for (let i = 0; i < 8; i += 1) pace.frame(60);
-    expect(pace.quality.pixels).toBe(0.75);
+    expect(pace.quality).toEqual({ pixels: 2, level: 0 });
+    for (let i = 0; i < 5; i += 1) pace.frame(60);
+    expect(pace.quality).toEqual({ pixels: 1.4, level: 0 });
     for (let i = 0; i < 100; i += 1) pace.frame(60);
     expect(pace.isLeast).toBe(true);
-    expect(pace.says).toMatch(/slow.*40 % of the pixels.*35 % of the map/);
+    expect(pace.quality).toEqual({ pixels: 0.5, level: 2 });
     for (let i = 0; i < 100_000 && pace.isLess; i += 1) pace.frame(8);
     expect(pace.isLess).toBe(false);
     for (let i = 0; i < 1000; i += 1) pace.frame(8);
     expect(pace.isQuick).toBe(true);
+  });
+
+  it('goes down faster where frames are very late, and is content with thirty a second', () => {
+    const [late, fair] = [new Pace(), new Pace()];
+    for (let i = 0; i < 5; i += 1) late.frame(250);
+    expect(late.quality).toEqual({ pixels: 1, level: 1 });
+    expect(new Pace(true).quality).toEqual({ pixels: 1, level: 1 });
+    for (let i = 0; i < 1000; i += 1) fair.frame(1000 / 30);
+    expect(fair.isLess).toBe(false);
+  });
+
+  it('does not count frames of two movements together', () => {
+    const pace = new Pace();
+    for (let i = 0; i < 50; i += 1) {
+      pace.begin();
+      for (let frame = 0; frame < 4; frame += 1) pace.frame(60);
+    }
+    expect(pace.isLess).toBe(false);
   });
 
   it('does not mistake a pause for a slow frame', () => {

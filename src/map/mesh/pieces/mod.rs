@@ -12,6 +12,7 @@ use super::extract::extract_part;
 use crate::config::MapConfig;
 use crate::error::Result;
 use crate::geometry::Aabb;
+use crate::map::parallel::PointQuery;
 use crate::map::query::Fields;
 use crate::map::view::{MapView, NODES, Node, ROWS};
 use crate::octree::{ChildLink, NO_ROW};
@@ -64,15 +65,17 @@ impl Colored {
     fn extract(view: &MapView, leaves: &[Aabb], resolution_m: f32) -> Result<Self> {
         let query = |points: &[Vec3], fields| view.query(points, fields);
         let mesh = extract_part(&query, leaves, resolution_m)?;
-        let fields = Fields { color: true, ..Fields::NONE };
-        let found = view.query(&mesh.vertices, fields).color;
-        let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
-        let color = |c: Vec3| c.is_finite().then(|| c.to_array().map(byte));
-        // A map without radiance has no column.
-        let mut colors: Vec<_> = found.into_iter().map(color).collect();
+        let mut colors = vertex_colors(&query, &mesh.vertices);
         colors.resize(mesh.vertices.len(), None);
         Ok(Self { mesh, colors })
     }
+}
+
+/// The colours of vertices, sRGB; none of them in a map without radiance.
+pub fn vertex_colors(query: &impl PointQuery, vertices: &[Vec3]) -> Vec<Option<[u8; 3]>> {
+    let found = query(vertices, Fields { color: true, ..Fields::NONE }).color;
+    let byte = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
+    found.into_iter().map(|c| c.is_finite().then(|| c.to_array().map(byte))).collect()
 }
 
 impl MapView {

@@ -5,13 +5,16 @@ use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
 
-use super::{Colored, LOG2_VOXELS, PieceKey, TriangleMesh};
+use super::super::{MeshFormat, TriangleMesh};
+use super::{Colored, LOG2_VOXELS, PieceKey};
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
 use crate::map::view::MapView;
 
 /// Cells near surfaces of one mesh at most: its file then has about 200 MB.
 const MAX_CELLS: f64 = 4e7;
+/// What no camera saw close enough, sRGB.
+const UNSEEN: [u8; 3] = [128; 3];
 
 /// A mesh in the making.
 pub struct WholeMesh {
@@ -57,8 +60,8 @@ impl WholeMesh {
         Colored::extract(&self.view, leaves, self.resolution_m).map(MeshPart)
     }
 
-    /// All of them as a PLY file; vertices on the borders of parts are shared.
-    pub fn ply(parts: Vec<MeshPart>) -> Vec<u8> {
+    /// All of them as a file; vertices on the borders of parts are shared.
+    pub fn file(parts: Vec<MeshPart>, format: MeshFormat) -> Vec<u8> {
         let (mut mesh, mut colors) = (TriangleMesh::default(), Vec::new());
         let mut index: FxHashMap<[u32; 3], u32> = FxHashMap::default();
         for MeshPart(part) in parts {
@@ -67,7 +70,7 @@ impl WholeMesh {
                 at.push(*index.entry(vertex.to_array().map(f32::to_bits)).or_insert_with(|| {
                     mesh.vertices.push(*vertex);
                     mesh.normals.push(part.mesh.normals[i]);
-                    colors.push(part.colors[i].unwrap_or([128; 3]));
+                    colors.push(part.colors[i].unwrap_or(UNSEEN));
                     mesh.vertices.len() as u32 - 1
                 }));
             }
@@ -76,7 +79,7 @@ impl WholeMesh {
         }
         let mut file = Vec::new();
         // Memory does not fail to be written.
-        let _ = mesh.write_ply_with(&colors, &mut file);
+        let _ = mesh.write(format, &colors, &mut file);
         file
     }
 }
@@ -96,7 +99,8 @@ mod tests {
         let whole = WholeMesh::new(view.clone(), 0.05).expect("few cells");
         assert!(whole.parts() > 4);
         let parts = (0..whole.parts()).map(|i| whole.part(i).expect("a part")).collect();
-        let mesh = TriangleMesh::read_ply(&WholeMesh::ply(parts)[..], "mesh.ply").expect("a file");
+        let file = WholeMesh::file(parts, MeshFormat::Ply);
+        let mesh = TriangleMesh::read_ply(&file[..], "mesh.ply").expect("a file");
         let sizes = |mesh: &TriangleMesh| (mesh.vertices.len(), mesh.triangles.len());
         assert_eq!(sizes(&mesh), sizes(&expected));
         let error = WholeMesh::new(view, 0.001).err().expect("too fine").to_string();
