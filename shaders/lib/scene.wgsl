@@ -20,6 +20,13 @@ struct Scene {
   first: u32,
   second: u32,
   scale: f32,
+  // Room for the cubes that are drawn; `room` is for leaves.
+  cube_room: u32,
+  // Cubes lie on a lattice of their own, 2^fine_log2 times as fine, in whose units are: log2 of the
+  // largest cubes, and of the cells of the relief.
+  fine_log2: u32,
+  largest_log2: u32,
+  cell_log2: u32,
 }
 
 struct Node {
@@ -34,12 +41,12 @@ struct Node {
   padding: vec2u,
 }
 
-// A leaf near a surface, or an octant that is missing of a voxel there.
+// A leaf near a surface, an octant that is missing of a voxel there, or a cell of the relief.
 struct Cube {
-  // Low corner and log2 of its edge length, lattice units.
+  // Low corner and log2 of its edge length, in units of the lattice of cubes.
   low: vec3i,
   log2_size: u32,
-  // Those of the voxel whose corners it reads: itself, or the voxel around it.
+  // Those of the cube whose corners it reads: itself, or the voxel around it.
   host_low: vec3i,
   host_log2: u32,
   block: u32,

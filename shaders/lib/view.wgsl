@@ -15,7 +15,7 @@ struct View {
   columns: u32,
   // fx, fy, cx, cy, pixels.
   camera: vec4f,
-  // The lattice cell of the camera's centre.
+  // The cell of the camera's centre in the lattice of cubes.
   eye_cell: vec3i,
   // Tiles of the image.
   tiles: u32,
@@ -29,7 +29,8 @@ struct View {
   normal_at: u32,
   depth_at: u32,
   opacity_at: u32,
-  padding: u32,
+  // A unit of the lattice of cubes, m.
+  unit_m: f32,
 }
 
 // The direction through a pixel, whose z in camera axes is 1.

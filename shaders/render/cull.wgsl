@@ -20,10 +20,10 @@
 @group(0) @binding(5) var<storage, read_write> counts: array<atomic<u32>>;
 
 fn order_of(cube: Cube) -> u32 {
-  let shift = vec3u(scene.surface_log2);
+  let shift = vec3u(scene.largest_log2);
   let steps = vec3u(abs((cube.low >> shift) - (view.eye_cell >> shift)));
   var order = steps.x + steps.y + steps.z;
-  for (var level = scene.surface_log2; level > cube.log2_size; level -= 1u) {
+  for (var level = scene.largest_log2; level > cube.log2_size; level -= 1u) {
     let half = vec3u(level - 1u);
     let mine = cube.low >> vec3u(level);
     let eyes = view.eye_cell >> vec3u(level);

@@ -1,5 +1,5 @@
-// The cubes that may take light, with what a ray needs of their corners: leaves near a surface, and
-// octants that are missing of voxels there. An invocation a node; the order of the list has no
+// The leaves that may take light, with what a ray needs of their corners, and octants that are missing
+// of voxels near a surface. An invocation a node; the order of the list has no
 // meaning. Twin: src/map/render/near.rs and src/map/render/tile/cubes.rs. Constant of the host:
 // HALF_DIAGONAL (how far the nearest corner of a voxel may be from a point in it, in edges).
 #import lib/scene
@@ -13,11 +13,11 @@
 @group(0) @binding(4) var<storage, read> nodes: array<Node>;
 @group(0) @binding(5) var<storage, read> rows: array<vec4f>;
 @group(0) @binding(6) var<storage, read> vertices: array<vec4f>;
-@group(0) @binding(7) var<storage, read_write> cubes: array<Cube>;
+@group(0) @binding(7) var<storage, read_write> leaves: array<Cube>;
 // Eight a cube: with x from 0 to 1 across the host, corner k says c.x + dot(c.yzw, x).
-@group(0) @binding(8) var<storage, read_write> cube_corners: array<vec4f>;
+@group(0) @binding(8) var<storage, read_write> leaf_corners: array<vec4f>;
 // How many there are, also those that found no room.
-@group(0) @binding(9) var<storage, read_write> listed: atomic<u32>;
+@group(0) @binding(9) var<storage, read_write> listed_leaves: atomic<u32>;
 
 fn edge_m(log2_size: u32) -> f32 {
   return f32(1u << log2_size) * step.unit_m;
@@ -37,18 +37,27 @@ fn takes_light(id: u32, log2_size: u32) -> bool {
 }
 
 fn add(id: u32, node: Node, low: vec3i, log2_size: u32) {
-  let index = atomicAdd(&listed, 1u);
+  let index = atomicAdd(&listed_leaves, 1u);
   if index >= scene.room {
     return;
   }
   let host_log2 = node.size - 1u;
-  cubes[index] = Cube(low, log2_size, node.low, host_log2, node.block, 0u, vec2u(0u));
+  let fine = vec3u(scene.fine_log2);
+  leaves[index] = Cube(
+    low << fine,
+    log2_size + fine.x,
+    node.low << fine,
+    host_log2 + fine.x,
+    node.block,
+    0u,
+    vec2u(0u),
+  );
   let lever = GRADIENT_SHARE * edge_m(host_log2);
   for (var k = 0u; k < 8u; k += 1u) {
     let vertex = vertices[corners[id][k]];
     let slope = vertex.yzw * lever;
     // From the corner's own origin to the voxel's.
-    cube_corners[8u * index + k] = vec4f(vertex.x - dot(slope, upper(k)), slope);
+    leaf_corners[8u * index + k] = vec4f(vertex.x - dot(slope, upper(k)), slope);
   }
 }
 

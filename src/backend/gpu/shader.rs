@@ -54,6 +54,7 @@ const FILES: &[(&str, &str)] = &[
     wgsl!("render/cull"),
     wgsl!("render/draw"),
     wgsl!("render/list"),
+    wgsl!("render/relief"),
     wgsl!("render/scan"),
     wgsl!("render/scatter"),
     wgsl!("render/unknown"),

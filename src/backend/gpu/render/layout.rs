@@ -18,6 +18,10 @@ pub(super) struct Scene {
     pub(super) first: u32,
     pub(super) second: u32,
     pub(super) scale: f32,
+    pub(super) cube_room: u32,
+    pub(super) fine_log2: u32,
+    pub(super) largest_log2: u32,
+    pub(super) cell_log2: u32,
 }
 
 /// A node as its pool holds it.
@@ -66,5 +70,5 @@ pub(super) struct View {
     pub(super) normal_at: u32,
     pub(super) depth_at: u32,
     pub(super) opacity_at: u32,
-    pub(super) padding: u32,
+    pub(super) unit_m: f32,
 }

@@ -1,7 +1,8 @@
 //! Images drawn on the GPU by tiles, as the CPU's tile renderer draws them.
 //!
 //! A scene (`scene`) is a map's copy on the GPU; after each of its epochs (`upload`) distances at
-//! vertices are decoded and the cubes near surfaces listed, with what a ray needs of their corners.
+//! vertices are decoded and the cubes near surfaces listed, with what a ray needs of their corners:
+//! leaves, and cells of the relief.
 //! An image (`picture`) is one submission: cubes are projected and counted by tile, brought to their
 //! tiles, and drawn there front to back. It asks the host for nothing.
 //!
@@ -33,9 +34,10 @@ use crate::error::{Error, Result};
 const PIXELS: u32 = TILE * TILE;
 
 /// The kernels of images, in the order in which they run.
-const KERNELS: [&str; 7] = [
+const KERNELS: [&str; 8] = [
     "render/vertices",
     "render/list",
+    "render/relief",
     "render/cull",
     "render/scan",
     "render/scatter",

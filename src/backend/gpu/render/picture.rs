@@ -219,6 +219,7 @@ impl GpuRenderer {
             return Err(Error::Internal("a scene is drawn before it is settled".into()));
         };
         let k = &shot.intrinsics;
+        let unit_m = extent.unit_m / (1u32 << extent.cube_lattice().0) as f32;
         let view = layout::View {
             eye: shot.eye.to_array(),
             sharpness: shot.sharpness,
@@ -229,7 +230,7 @@ impl GpuRenderer {
             z_axis: shot.rotation.z_axis.to_array(),
             columns: grid.columns,
             camera: [k.fx, k.fy, k.cx, k.cy].map(|x| x as f32),
-            eye_cell: cell_of(shot.eye, 1.0 / extent.unit_m),
+            eye_cell: cell_of(shot.eye, 1.0 / unit_m),
             tiles: grid.tiles(),
             cubes,
             room: self.canvas.entries.capacity() as u32,
@@ -238,7 +239,7 @@ impl GpuRenderer {
             normal_at: places.normal,
             depth_at: places.depth,
             opacity_at: places.opacity,
-            padding: 0,
+            unit_m,
         };
         self.gpu.write(&self.canvas.view, &[view]);
         Ok(())

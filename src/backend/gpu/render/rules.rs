@@ -4,7 +4,7 @@
 use super::super::shader::Constant;
 use crate::modality::decoder::MAX_HIDDEN;
 use crate::modality::density;
-use crate::surface::NEAR_M;
+use crate::surface::{DISTANCE_STEP_M, NEAR_M};
 
 /// Side of a tile, pixels; what shaders/render/draw.wgsl is written for.
 pub(super) const TILE: u32 = 16;
@@ -49,6 +49,7 @@ impl Rules {
         match kernel {
             "render/vertices" => vec![("MAX_QUADS", U32(MAX_HIDDEN as u32 / 4))],
             "render/list" => vec![("HALF_DIAGONAL", F32(self.half_diagonal))],
+            "render/relief" => vec![("DISTANCE_STEP_M", F32(DISTANCE_STEP_M))],
             "render/cull" => vec![
                 ("NEAREST_M", F32(self.nearest_m)),
                 ("SLACK", F32(self.slack)),

@@ -57,9 +57,13 @@ pub struct GpuScene {
     pub(super) blocks: Pool,
     pub(super) texels: Pool,
     pub(super) weights: Pool,
+    /// Near surfaces, and what is drawn of them.
+    pub(super) leaves: Pool,
+    pub(super) leaf_corners: Pool,
     pub(super) cubes: Pool,
     pub(super) cube_corners: Pool,
-    /// How many cubes the list has, on the GPU.
+    /// How many leaves and cubes the lists have, on the GPU.
+    pub(super) listed_leaves: wgpu::Buffer,
     pub(super) listed: wgpu::Buffer,
     pub(super) numbers: wgpu::Buffer,
     pub(super) step: wgpu::Buffer,
@@ -81,8 +85,11 @@ impl GpuScene {
             blocks: Pool::new(gpu, "drawn blocks", 32)?,
             texels: Pool::new(gpu, "drawn texels", 8)?,
             weights: Pool::new(gpu, "drawn decoder", 16)?,
+            leaves: Pool::new(gpu, "leaves", size_of::<layout::Cube>() as u64)?,
+            leaf_corners: Pool::new(gpu, "corners of leaves", 128)?,
             cubes: Pool::new(gpu, "cubes", size_of::<layout::Cube>() as u64)?,
             cube_corners: Pool::new(gpu, "corners of cubes", 128)?,
+            listed_leaves: gpu.buffer("listed leaves", 4)?,
             listed: gpu.buffer("listed cubes", 4)?,
             numbers: gpu.buffer("scene", size_of::<layout::Scene>() as u64)?,
             step: gpu.buffer("lattice", size_of::<Step>() as u64)?,
@@ -103,6 +110,12 @@ impl GpuScene {
         self.bricks.grow_ahead(gpu, extent.bricks as u64)?;
         self.blocks.grow_ahead(gpu, extent.blocks as u64)?;
         self.texels.grow_ahead(gpu, (extent.blocks * extent.band.vertices()) as u64)
+    }
+
+    /// Makes room for listed leaves.
+    pub(super) fn reserve_leaves(&mut self, gpu: &Gpu, leaves: u64) -> Result<()> {
+        self.leaves.grow_ahead(gpu, leaves)?;
+        self.leaf_corners.grow_ahead(gpu, leaves)
     }
 
     /// Makes room for listed cubes.
@@ -139,10 +152,23 @@ impl GpuScene {
             ("blocks", self.blocks.binding()),
             ("texels", self.texels.binding()),
             ("weights", self.weights.binding()),
+            ("leaves", self.leaves.binding()),
+            ("leaf_corners", self.leaf_corners.binding()),
+            ("listed_leaves", self.listed_leaves.as_entire_binding()),
             ("cubes", self.cubes.binding()),
             ("cube_corners", self.cube_corners.binding()),
             ("listed", self.listed.as_entire_binding()),
         ]
+    }
+}
+
+impl Extent {
+    /// How much finer than the octree's the lattice of cubes is, as a log2, and log2 of the cells of
+    /// the relief in its units.
+    pub(super) fn cube_lattice(&self) -> (u32, u32) {
+        let r0_log2 = (self.band.cell_m / self.unit_m).log2().round() as i32;
+        let cell_log2 = r0_log2 - i32::from(self.band.log2_side);
+        ((-cell_log2).max(0) as u32, cell_log2.max(0) as u32)
     }
 }
 

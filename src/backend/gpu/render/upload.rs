@@ -116,10 +116,15 @@ impl GpuRenderer {
         let Some(extent) = scene.extent else { return Ok(()) };
         self.gpu.write(&scene.step, &[GpuScene::lattice(&extent)]);
         loop {
-            let room = scene.cubes.capacity();
-            let numbers = self.numbers(&extent, decoder, sharpness, room as u32);
+            let (leaf_room, room) = (scene.leaves.capacity(), scene.cubes.capacity());
+            let numbers = layout::Scene {
+                room: leaf_room as u32,
+                cube_room: room as u32,
+                ..self.numbers(&extent, decoder, sharpness)
+            };
             self.gpu.write(&scene.numbers, &[numbers]);
             let mut passes = Passes::new(&self.gpu, None);
+            passes.encoder.clear_buffer(&scene.listed_leaves, 0, None);
             passes.encoder.clear_buffer(&scene.listed, 0, None);
             let buffers = scene.buffers();
             let groups = |items: usize| (items as u32).div_ceil(64).min(GROUPS);
@@ -127,12 +132,18 @@ impl GpuRenderer {
             vertices.dispatch(&mut passes, groups(extent.rows));
             let list = self.kernel("render/list")?.bind(&self.gpu, &buffers)?;
             list.dispatch(&mut passes, groups(extent.nodes));
+            let relief = self.kernel("render/relief")?.bind(&self.gpu, &buffers)?;
+            relief.dispatch(&mut passes, groups(leaf_room as usize));
             self.gpu.queue.submit([passes.encoder.finish()]);
-            let listed = self.gpu.read::<u32>(&scene.listed, 1)?.first().copied().unwrap_or(0);
-            if u64::from(listed) <= room {
+            let count = |buffer| -> Result<u32> {
+                Ok(self.gpu.read::<u32>(buffer, 1)?.first().copied().unwrap_or(0))
+            };
+            let (leaves, listed) = (count(&scene.listed_leaves)?, count(&scene.listed)?);
+            if u64::from(leaves) <= leaf_room && u64::from(listed) <= room {
                 scene.list = Some((sharpness, listed));
                 return self.gpu.check();
             }
+            scene.reserve_leaves(&self.gpu, leaves.into())?;
             scene.reserve_cubes(&self.gpu, listed.into())?;
         }
     }
@@ -142,18 +153,13 @@ impl GpuRenderer {
         scene.list.is_some_and(|(listed, _)| listed == sharpness)
     }
 
-    fn numbers(
-        &self,
-        extent: &Extent,
-        decoder: &Decoder,
-        sharpness: f32,
-        room: u32,
-    ) -> layout::Scene {
+    fn numbers(&self, extent: &Extent, decoder: &Decoder, sharpness: f32) -> layout::Scene {
         let shape = decoder.shape();
+        let (fine_log2, cell_log2) = extent.cube_lattice();
         layout::Scene {
             nodes: extent.nodes as u32,
             rows: extent.rows as u32,
-            room,
+            room: 0,
             surface_log2: extent.surface_log2.into(),
             mist_m: FAR / sharpness + self.rules.learned_m,
             cell_m: extent.cell_m,
@@ -163,6 +169,10 @@ impl GpuRenderer {
             first: shape.first as u32,
             second: shape.second as u32,
             scale: decoder.scale(),
+            cube_room: 0,
+            fine_log2,
+            largest_log2: u32::from(extent.surface_log2) + fine_log2,
+            cell_log2,
         }
     }
 

@@ -75,7 +75,11 @@ fn structs_lie_as_the_hosts() {
         inputs,
         first,
         second,
-        scale
+        scale,
+        cube_room,
+        fine_log2,
+        largest_log2,
+        cell_log2
     );
     same!(Node, "render/list", low, size, brick, block, padding);
     same!(Cube, "render/list", low, log2_size, host_low, host_log2, block, padding, more_padding);
@@ -100,7 +104,7 @@ fn structs_lie_as_the_hosts() {
         normal_at,
         depth_at,
         opacity_at,
-        padding
+        unit_m
     );
 }
 
@@ -122,6 +126,6 @@ fn constants_are_the_hosts() {
     };
     assert_eq!(value("PIXELS"), f64::from(super::PIXELS));
     // One unit of a logit.
-    let words: [u32; 2] = bytemuck::cast(Texel::new(glam::Vec3::ONE));
+    let words: [u32; 2] = bytemuck::cast(Texel::new(Some(glam::Vec3::ONE), None));
     assert_eq!(value("LOGIT_STEPS"), f64::from(words[0] & 0xffff));
 }
