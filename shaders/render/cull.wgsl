@@ -13,11 +13,10 @@
 #import lib/pairs
 
 @group(0) @binding(0) var<uniform> scene: Scene;
-@group(0) @binding(1) var<uniform> step: Step;
-@group(0) @binding(2) var<uniform> view: View;
-@group(0) @binding(3) var<storage, read> cubes: array<Cube>;
-@group(0) @binding(4) var<storage, read_write> spans: array<vec4u>;
-@group(0) @binding(5) var<storage, read_write> counts: array<atomic<u32>>;
+@group(0) @binding(1) var<uniform> view: View;
+@group(0) @binding(2) var<storage, read> cubes: array<Cube>;
+@group(0) @binding(3) var<storage, read_write> spans: array<vec4u>;
+@group(0) @binding(4) var<storage, read_write> counts: array<atomic<u32>>;
 
 fn order_of(cube: Cube) -> u32 {
   let shift = vec3u(scene.largest_log2);

@@ -5,6 +5,7 @@
 // that takes less is not looked up), REFINEMENTS (of a zero crossing), and those of lib/paint.
 #import lib/scene
 #import lib/eye
+#import lib/step
 #import lib/interpolation
 #import lib/density
 #import lib/paint
