@@ -131,14 +131,18 @@ fn both_backends_train_the_same_colours_and_go_on_from_each_other() {
     let folder = tempfile::tempdir().unwrap();
     let map = |settings: &MapSettings, first: BackendChoice, then: BackendChoice| {
         let mut mapper = mapper(first, settings);
-        (0..6).for_each(|index| drop(mapper.integrate(&painted(index)).unwrap()));
+        for index in 0..6 {
+            mapper.integrate(&painted(index)).unwrap();
+        }
         if first != then {
             let path = folder.path().join("half");
             storage::save(&mut mapper, &path, false).unwrap();
             mapper = storage::load(&path).unwrap();
             mapper.train_on(Trainer::of(then)).unwrap();
         }
-        (6..10).for_each(|index| drop(mapper.integrate(&painted(index)).unwrap()));
+        for index in 6..10 {
+            mapper.integrate(&painted(index)).unwrap();
+        }
         let view = mapper.publish_all().unwrap();
         let losses = mapper.stats().losses;
         let photometric = losses.iter().find(|(name, _)| name == "photometric").unwrap().1;

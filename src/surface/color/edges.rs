@@ -18,6 +18,19 @@ struct Across {
     z: f32,
 }
 
+/// Column and row.
+type Pixel = (usize, usize);
+
+/// The last pixel with a return along a line.
+#[derive(Debug, Clone, Copy)]
+struct Return {
+    at: Pixel,
+    z: f32,
+    /// The pixel after it, and how many came since.
+    next: Pixel,
+    gap: usize,
+}
+
 /// For every pixel the nearest one on the other side of a jump.
 #[derive(Debug, Default)]
 pub(super) struct Edges {
@@ -54,39 +67,31 @@ impl Edges {
         }
     }
 
-    /// Jumps along a line.
-    fn scan(&mut self, depth: &DepthImage, line: impl Iterator<Item = (usize, usize)>) {
-        // The last pixel with a return, the one after it, and how many came since.
-        let mut last: Option<((usize, usize), (usize, usize), usize)> = None;
+    /// Jumps along a line, which has pixels in order.
+    fn scan(&mut self, depth: &DepthImage, line: impl Iterator<Item = Pixel>) {
+        let mut last: Option<Return> = None;
         let mut before = (0, 0);
-        for (u, v) in line {
-            if let Some((_, next, since)) = &mut last {
-                if *since == 0 {
-                    *next = (u, v);
-                }
-                *since += 1;
+        for at in line {
+            let z = depth.metres[at.1 * self.width + at.0];
+            if let Some(last) = &mut last {
+                last.next = if last.gap == 0 { at } else { last.next };
+                last.gap += 1;
             }
-            let z = depth.metres[v * self.width + u];
             if z > 0.0 {
-                if let Some((at, next, since)) = last
-                    && since <= GAP
-                {
-                    let other = depth.metres[at.1 * self.width + at.0];
-                    if jumps(z, other) {
-                        // What is behind begins beside what is before it.
-                        let (near, far) = if z < other { (before, at) } else { (next, (u, v)) };
-                        let (front, front_z) = if z < other { ((u, v), z) } else { (at, other) };
-                        self.offer(front, near, z.max(other));
-                        self.offer(far, front, front_z);
-                    }
+                if let Some(last) = last.filter(|last| last.gap <= GAP && jumps(z, last.z)) {
+                    // What has no return is of what is behind: that begins beside what is before it.
+                    let (front, beside, behind) =
+                        if z < last.z { (at, before, last.at) } else { (last.at, last.next, at) };
+                    self.offer(front, beside, z.max(last.z));
+                    self.offer(behind, front, z.min(last.z));
                 }
-                last = Some(((u, v), (u, v), 0));
+                last = Some(Return { at, z, next: at, gap: 0 });
             }
-            before = (u, v);
+            before = at;
         }
     }
 
-    fn offer(&mut self, at: (usize, usize), across: (usize, usize), z: f32) {
+    fn offer(&mut self, at: Pixel, across: Pixel, z: f32) {
         let found = Across { u: across.0 as u16, v: across.1 as u16, z };
         let held = &mut self.across[at.1 * self.width + at.0];
         if held.z == 0.0 || square(at, found) < square(at, *held) {
@@ -96,7 +101,7 @@ impl Edges {
 
     /// What its neighbours know may hold for a pixel too.
     #[inline(always)]
-    fn spread(&mut self, depth: &DepthImage, to: (usize, usize), from: [(usize, usize); 2]) {
+    fn spread(&mut self, depth: &DepthImage, to: Pixel, from: [Pixel; 2]) {
         for (u, v) in from {
             if u >= self.width {
                 continue;
@@ -122,7 +127,7 @@ impl Edges {
     }
 }
 
-fn square((u, v): (usize, usize), to: Across) -> f32 {
+fn square((u, v): Pixel, to: Across) -> f32 {
     let (x, y) = (u as f32 - f32::from(to.u), v as f32 - f32::from(to.v));
     x * x + y * y
 }

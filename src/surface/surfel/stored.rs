@@ -106,10 +106,10 @@ impl SurfelMap {
                 id = self.links[id as usize].next_in_cell;
             }
         }
-        let mut is_free = |id: &u32| {
+        let is_free = |id: &u32| {
             !self.surfels[*id as usize].alive()
                 && !std::mem::replace(&mut is_taken[*id as usize], true)
         };
-        self.free.iter().all(|id| is_free(id))
+        self.free.iter().all(is_free)
     }
 }

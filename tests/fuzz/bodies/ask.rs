@@ -22,7 +22,8 @@ pub(super) const TARGET: Target =
     Target { name: "ask", read, seeds, layout: Layout::Protobuf(1), longest: 2048 };
 
 /// Those of `wire` from its third on, in the same order.
-const KINDS: [fn(&Server, &[u8]) -> Result<()>; 16] = [
+type Read = fn(&Server, &[u8]) -> Result<()>;
+const KINDS: [Read; 16] = [
     |s, bytes| {
         let question = PointsQuestion::try_from(read_message::<v1::QueryPointsRequest>(bytes)?)?;
         s.wait(s.service.query_points(question, Call::GrpcQueryPoints)).map(drop)

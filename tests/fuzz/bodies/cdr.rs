@@ -15,7 +15,8 @@ use super::{Layout, Target, kind_of, of_kind};
 pub(super) const TARGET: Target =
     Target { name: "cdr", read, seeds, layout: Layout::Plain, longest: 1024 };
 
-const KINDS: [fn(&[u8]) -> Result<()>; 16] = [
+type Read = fn(&[u8]) -> Result<()>;
+const KINDS: [Read; 16] = [
     |bytes| depth_from_image(&whole::<Image<'_>>(bytes)?).map(drop),
     |bytes| color_from_image(&whole::<Image<'_>>(bytes)?).map(drop),
     |bytes| depth_from_compressed(&whole::<CompressedImage<'_>>(bytes)?).map(drop),

@@ -15,7 +15,8 @@ use super::{Layout, Target, kind_of, of_kind};
 pub(super) const TARGET: Target =
     Target { name: "files", read, seeds, layout: Layout::Plain, longest: 2048 };
 
-const KINDS: [fn(&[u8]) -> Result<()>; 7] = [
+type Read = fn(&[u8]) -> Result<()>;
+const KINDS: [Read; 7] = [
     |file| ArrayReader::new(file, "a.npy")?.into_values::<f32>().map(drop),
     |file| ArrayReader::new(file, "a.npy")?.into_values::<i32>().map(drop),
     |file| ArrayReader::new(file, "a.npy")?.into_values::<bool>().map(drop),

@@ -13,7 +13,8 @@ use super::{Layout, Target, kind_of, of_kind};
 pub(super) const TARGET: Target =
     Target { name: "images", read, seeds, layout: Layout::Image, longest: 4096 };
 
-const KINDS: [fn(&[u8]) -> Result<()>; 7] = [
+type Read = fn(&[u8]) -> Result<()>;
+const KINDS: [Read; 7] = [
     |file| frame(file, ImageFormat::Png, |f, data| f.depth = depth(data)),
     |file| frame(file, ImageFormat::Png, |f, data| f.color = color(v1::ColorEncoding::Png, data)),
     |file| frame(file, ImageFormat::Jpeg, |f, data| f.color = color(v1::ColorEncoding::Jpeg, data)),

@@ -72,7 +72,7 @@ pub(super) fn look(view: &Arc<MapView>) {
     let camera = Camera {
         world_from_camera: Pose {
             rotation: DQuat::from_xyzw(-0.5, 0.5, -0.5, 0.5),
-            translation: DVec3::from(middle.as_dvec3()),
+            translation: middle.as_dvec3(),
         },
         intrinsics: Intrinsics { fx: 8.0, fy: 8.0, cx: 3.5, cy: 2.5, width: 8, height: 6 },
     };
