@@ -9,10 +9,11 @@ pub type Cell = [i32; 3];
 pub const LIMIT: i32 = 1 << 20;
 
 /// Packs a coordinate into 63 bits. One key a place, whatever the level (paper eq:morton; plain
-/// concatenation instead of interleaving, since the key only has to be unique here).
+/// concatenation instead of interleaving, since the key only has to be unique here). A coordinate beyond
+/// the limits, as damaged files have, gets some key.
 #[inline]
 pub fn pack(cell: Cell) -> u64 {
-    let part = |c: i32| u64::from((c + LIMIT) as u32 & 0x1f_ffff);
+    let part = |c: i32| u64::from(c.wrapping_add(LIMIT) as u32 & 0x1f_ffff);
     part(cell[0]) | part(cell[1]) << 21 | part(cell[2]) << 42
 }
 

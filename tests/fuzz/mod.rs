@@ -14,10 +14,11 @@ fn target(name: &str) -> &'static Target {
 /// Every input that is kept is read: an error is fine, a panic is none. Good ones are read to their end.
 fn replay(name: &str) {
     let target = target(name);
-    for (number, seed) in (target.seeds)().into_iter().enumerate() {
-        assert!((target.read)(&seed), "seed {number} of {name} is not read to its end");
-        assert!(seed.len() <= target.longest, "seed {number} of {name} is {} bytes", seed.len());
-    }
+    let seeds = (target.seeds)();
+    let refused: Vec<usize> = (0..seeds.len()).filter(|i| !(target.read)(&seeds[*i])).collect();
+    assert!(refused.is_empty(), "seeds {refused:?} of {name} are not read to their end");
+    let long: Vec<usize> = (0..seeds.len()).filter(|i| seeds[*i].len() > target.longest).collect();
+    assert!(long.is_empty(), "seeds {long:?} of {name} are longer than {} bytes", target.longest);
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/data/fuzz").join(name);
     let mut files: Vec<PathBuf> =
         std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();

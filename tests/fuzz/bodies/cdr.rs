@@ -60,7 +60,7 @@ macro_rules! golden {
 
 fn seeds() -> Vec<Vec<u8>> {
     golden! {
-        0 "image.le" 0 "image.be" 4 "camera_info.le" 5 "camera_info.be" 6 "pose_stamped.le"
+        0 "image.le" 0 "image.be" 5 "camera_info.le" 5 "camera_info.be" 6 "pose_stamped.le"
         6 "pose_stamped.be" 7 "transform_stamped.le" 7 "transform_stamped.be" 8 "tf_message.le"
         8 "tf_message.be" 9 "text.le" 9 "text.be" 10 "esdf_request.le" 10 "esdf_request.be"
         11 "esdf_response.le" 11 "esdf_response.be" 12 "occupancy_grid.le" 12 "occupancy_grid.be"

@@ -92,7 +92,7 @@ const POSTS: [(&str, &str); 14] = [
     ("query/spheres", r#"{"spheres_m":[[0.5,-1,0.8,0.1]],"unknown_policy":"occupied"}"#),
     (
         "query/trajectories",
-        r#"{"spheres_m":[[0,0,0,0.1]],"poses":[[0.3,0,1,0,0,0,1],[1,0,1,0,0,0,1]],"lengths":[2],"margin_m":0.1,"swept":true}"#,
+        r#"{"spheres_m":[[0,0,0,0.1]],"trajectories":[[[0.3,0,1,0,0,0,1],[1,0,1,0,0,0,1]]],"margin_m":0.1,"swept":true}"#,
     ),
     ("query/rays", r#"{"origins_m":[[0,0,1]],"directions":[[1,0,0]],"max_range_m":5}"#),
     ("query/nearest", r#"{"points_m":[[0.3,0.2,1]],"max_unknown_m":1}"#),
@@ -123,7 +123,7 @@ const POSTS: [(&str, &str); 14] = [
     ),
     (
         "watch/trajectories",
-        r#"{"check":{"spheres_m":[[0,0,0,0.1]],"poses":[[0.3,0,1,0,0,0,1]]},"drop_m":0.1}"#,
+        r#"{"check":{"spheres_m":[[0,0,0,0.1]],"trajectories":[[[0.3,0,1,0,0,0,1]]]},"drop_m":0.1}"#,
     ),
 ];
 

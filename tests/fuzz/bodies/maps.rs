@@ -4,7 +4,7 @@
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use glam::{DQuat, DVec3, Vec3};
+use glam::{DQuat, Vec3};
 use orenx::error::Result;
 use orenx::frame::Frame;
 use orenx::geometry::{Intrinsics, Pose, Region};

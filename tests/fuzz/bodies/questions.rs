@@ -79,7 +79,7 @@ fn places() -> Vec<Question> {
             3,
             &v1::CastRaysRequest {
                 map_id: map_id(),
-                origins_m: vec![0.0, 0.0, 1.0],
+                origins_m: vec![0.0, 0.0, 1.0, 0.3, 0.0, 1.0],
                 directions: vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
                 max_range_m: 5.0,
                 ..Default::default()
