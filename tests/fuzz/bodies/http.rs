@@ -163,7 +163,6 @@ fn seeds() -> Vec<Vec<u8>> {
     all.push(
         format!("PUT /v1/maps/yard\n{JSON}\n\n{{\"settings\":{{\"r0_m\":\"0.5\"}}}}").into_bytes(),
     );
-    all.push(format!("PUT /v1/log\n{JSON}\n\n{{\"level\":\"warn\"}}").into_bytes());
     all.push(format!("POST {MAP}/reset").into_bytes());
     all
 }
