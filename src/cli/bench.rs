@@ -207,7 +207,7 @@ mod tests {
     #[test]
     fn a_small_room_is_drawn_on_a_gpu_as_on_the_cpu() {
         let line =
-            "bench render --frames 6 --width 48 --views 1 --rounds 1 --size 48x40 --backend gpu";
+            "bench render --frames 8 --width 48 --views 2 --rounds 1 --size 48x40 --backend gpu";
         let objects = objects(line);
         have_the_shape(&objects, "render");
         assert_eq!(values(&objects, "image_time").len(), 3, "one a renderer");
