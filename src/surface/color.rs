@@ -215,6 +215,9 @@ impl ColorField {
         let Some(block) = self.band.hold(&place) else { return };
         self.seen.resize(self.band.rows(), SeenColor::default());
         self.touched.resize(self.band.blocks(), 0);
+        if let Some(relief) = &mut self.relief {
+            relief.grow(&self.band);
+        }
         let uppers = self.band.uppers(block);
         for row in self.band.scale.vertices_around(&place, uppers) {
             if row != NO_VERTEX {
@@ -395,6 +398,22 @@ mod tests {
         }
         let found = at(&field, &now, 40);
         assert!((found - Vec3::from(COLORS[1])).abs().max_element() < 0.05, "{found}");
+    }
+
+    #[test]
+    fn what_was_painted_since_the_last_frame_is_stored_too() {
+        let (mut field, frame) = (field(), wall(COLORS, 1.0));
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+        field.integrate(&frame, 1);
+        field.carve(&frame, [[0, 0, 0]].into_iter(), &pool);
+        field.paint(Vec3::splat(9.0), Vec3::from(COLORS[0]));
+        let stored = field.state();
+        assert_eq!(
+            (stored.seen.len(), stored.relief.len()),
+            (field.band.rows(), field.band.rows())
+        );
+        let again = ColorField::new(SCALE, 1, Some(3)).with_state(stored).expect("fits together");
+        assert_eq!(again.relief(), field.relief());
     }
 
     #[test]

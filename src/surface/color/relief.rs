@@ -104,7 +104,7 @@ impl Relief {
         TRUNCATION * scale.spacing_m()
     }
 
-    /// By vertex of the band; vertices of blocks that no frame has finished are beyond the end.
+    /// By vertex of the band; vertices of blocks that are new in a frame may be beyond the end.
     pub(super) fn seen(&self) -> &[SeenDistance] {
         &self.seen
     }
@@ -123,7 +123,7 @@ impl Relief {
         bricks: impl Iterator<Item = Cell>,
         pool: &rayon::ThreadPool,
     ) -> Vec<u32> {
-        self.seen.resize(band.rows(), SeenDistance::default());
+        self.grow(band);
         for (block, cell) in band.cells().iter().enumerate().skip(self.indexed) {
             self.bricks
                 .entry(pack(cell.map(|c| c >> self.log2_brick)))
@@ -149,6 +149,11 @@ impl Relief {
             lens.measure_block(band.cells()[block as usize], part).then_some(block)
         };
         pool.install(|| parts.into_par_iter().with_min_len(16).filter_map(measure).collect())
+    }
+
+    /// Makes room for the blocks that are new.
+    pub(super) fn grow(&mut self, band: &Band) {
+        self.seen.resize(band.rows(), SeenDistance::default());
     }
 
     /// Forgets a block.
