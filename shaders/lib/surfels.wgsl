@@ -2,7 +2,8 @@
 // declares `draw`, what lib/octree needs, and `anchors` (nearest surfel and the epoch that last saw
 // through it, by row), `surfels`, `bricks` (a table with a power of two of slots: a brick's place,
 // and its id + 1 or 0) and `cells` (first surfel and the epoch since which it is free or 0; CELLS
-// a brick). Constants: CELLS (8³), NEAR_M (how far cells are searched).
+// a brick). Constants: CELLS (8³), NEAR_M (how far cells are searched), and those of
+// `PriorField::measure`: BESIDE, FAR_BEHIND, FAR_BESIDE.
 #import lib/constants
 #import lib/draw
 #import lib/octree
@@ -160,9 +161,12 @@ fn label(point: vec3f) -> Label {
   let surfel = surfels[search.best];
   let distance = disc_distance(surfel, point);
   if distance < 0.0 {
-    let seen = anchors[corners[node][corner]].y >= surfel.born;
-    // Farther than the evidence is coarse, a crossed cell says the same.
-    if seen || (distance < -1.8 * draw.cell_m && free_since(point) >= surfel.born) {
+    let height = dot(point - surfel.position, surfel.normal);
+    let is_beside = abs(height) < BESIDE * -distance;
+    let since = select(surfel.born, 1u, is_beside);
+    let far = select(FAR_BEHIND, FAR_BESIDE, is_beside);
+    let seen = anchors[corners[node][corner]].y >= since;
+    if seen || (distance < -far * draw.cell_m && free_since(point) >= since) {
       return Label(true, -distance);
     }
   }

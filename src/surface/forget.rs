@@ -6,6 +6,7 @@ use rustc_hash::FxHashMap;
 use super::evidence::{BRICK_CELLS, Evidence, Forgotten};
 use super::fusion::{Surface, SurfaceChange};
 use super::lattice::NEAR_M;
+use super::prior::FAR_BEHIND;
 use super::surfel::{NO_SURFEL, SurfelMap};
 use super::witnesses::NOBODY;
 use crate::geometry::{Aabb, Region};
@@ -150,7 +151,7 @@ impl Surface {
     /// judge them. Where their cell was seen free, what was seen before the plane was counts too. Where
     /// nothing is known, a plane that is continued must not look like a surface between vertices.
     fn judge_hidden(&mut self, rows: &[u32], topology: &Topology) {
-        let far = 1.8 * self.evidence.cell_m();
+        let far = FAR_BEHIND * self.evidence.cell_m();
         for &row in rows {
             let (surfel, depth) = (self.prior.nearest(row), -self.prior.values()[row as usize][0]);
             if surfel == NO_SURFEL || depth <= NEAR_M {

@@ -24,7 +24,7 @@ pub use evidence::{BRICK_CELLS, CELLS, Carved, CellAddress, Evidence, EvidenceSt
 pub use forget::{Forget, Lost};
 pub use fusion::{Surface, SurfaceChange, SurfaceState};
 pub use lattice::{Lattice, NEAR_M};
-pub use prior::{PriorChange, PriorField, PriorState};
+pub use prior::{BESIDE, FAR_BEHIND, FAR_BESIDE, PriorChange, PriorField, PriorState};
 pub use stamp::{Stamped, Stamping};
 pub use surfel::{FirstSurfel, Link, NO_SURFEL, RIM_SHARE, Surfel, SurfelMap, SurfelState, Touch};
 pub use witnesses::WitnessSets;

@@ -17,6 +17,13 @@ pub use stored::PriorState;
 const END: u32 = u32::MAX;
 /// A vertex takes a new nearest surfel only if it is nearer by this share; keeps waves short.
 const GAIN: f32 = 0.999;
+/// A place behind a surfel's plane is beside the surfel if its direction from there is off the normal by
+/// more than this cosine.
+pub const BESIDE: f32 = 0.9;
+/// A crossed cell of evidence says that a place behind a surfel's plane is free if that is farther from
+/// the surfel than so many cells, and beside it than so many.
+pub const FAR_BEHIND: f32 = 1.8;
+pub const FAR_BESIDE: f32 = 1.2;
 
 /// Nearest surfel, distance and gradient by vertex row.
 #[derive(Debug)]
@@ -262,7 +269,8 @@ impl PriorField {
     ///
     /// The sign is the surfel's, unless the place was seen free since the surfel was born: a
     /// plane that reaches past its edge says "behind" of places in the open. Farther than the
-    /// evidence is coarse, a crossed cell says the same (algorithms.md §13).
+    /// evidence is coarse, a crossed cell says the same (algorithms.md §13). Beside a surfel, what was
+    /// seen before it was born counts too: what is new has its inside behind it.
     pub fn measure(
         &self,
         position: Vec3,
@@ -275,14 +283,18 @@ impl PriorField {
             return [self.max_distance_m, 0.0, 0.0, 0.0];
         }
         let surfel = surfels.get(surfel);
-        let (mut d, mut g) = surfel.signed_distance(position, surfels.radius_m());
-        let crossed = || {
-            d < -1.8 * evidence.cell_m()
-                && evidence.free_since(position).is_some_and(|epoch| epoch >= surfel.born)
-        };
-        if d < 0.0 && (seen_free >= surfel.born || crossed()) {
-            (d, g) = (-d, -g);
+        let (d, g) = surfel.signed_distance(position, surfels.radius_m());
+        if d >= 0.0 {
+            return [d, g.x, g.y, g.z];
         }
+        let is_beside = g.dot(surfel.normal).abs() < BESIDE;
+        let (since, far) = if is_beside { (1, FAR_BESIDE) } else { (surfel.born, FAR_BEHIND) };
+        let crossed = || {
+            d < -far * evidence.cell_m()
+                && evidence.free_since(position).is_some_and(|epoch| epoch >= since)
+        };
+        let is_free = seen_free >= since || crossed();
+        let (d, g) = if is_free { (-d, -g) } else { (d, g) };
         [d, g.x, g.y, g.z]
     }
 

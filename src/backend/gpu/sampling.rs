@@ -13,7 +13,7 @@ use super::surface::SurfaceMirror;
 use crate::backend::Work;
 use crate::config::MapConfig;
 use crate::error::{Error, Result};
-use crate::surface::{CELLS, NEAR_M, Surface};
+use crate::surface::{BESIDE, CELLS, FAR_BEHIND, FAR_BESIDE, NEAR_M, Surface};
 use crate::train::{
     FREE_END_M, FREE_START_M, KeyFrame, PERTURBED_LIMIT_M, PERTURBED_M, RAY_SAMPLES, stale_m,
 };
@@ -28,8 +28,14 @@ const DRAW_BYTES: usize = 256;
 const _: () = assert!(size_of::<Draw>() <= DRAW_BYTES && RAY_SAMPLES == 4);
 
 /// The constants of lib/surfels.
-pub(super) fn label_constants() -> [(&'static str, Constant); 2] {
-    [("CELLS", Constant::U32(CELLS as u32)), ("NEAR_M", Constant::F32(NEAR_M))]
+pub(super) fn label_constants() -> [(&'static str, Constant); 5] {
+    [
+        ("CELLS", Constant::U32(CELLS as u32)),
+        ("NEAR_M", Constant::F32(NEAR_M)),
+        ("BESIDE", Constant::F32(BESIDE)),
+        ("FAR_BEHIND", Constant::F32(FAR_BEHIND)),
+        ("FAR_BESIDE", Constant::F32(FAR_BESIDE)),
+    ]
 }
 
 /// The constants of train/sample.
