@@ -1,7 +1,7 @@
 // What colours a pixel's ray met; the twin of `Paint` in src/map/render/patch.rs. The kernel
 // declares what lib/color and lib/octree need, `nodes` and `view`. Constants of the host: RIM (how
-// far from a voxel's border a colour is read, in its edges), BESIDE_M (how far along its ray a pixel
-// looks for a colour), BESIDE_WEIGHT (a sample that takes less does not).
+// far from a voxel's border a colour is read, in its edges), BESIDE_M (how far around its place a
+// pixel looks for a colour), BESIDE_WEIGHT (a sample that takes less does not).
 #import lib/color
 #import lib/octree
 
@@ -10,14 +10,15 @@ struct Paint {
   weight: f32,
 }
 
-// The nearest colour along a ray: the surface of the map is not quite where frames saw it.
+// The nearest colour along a ray, or along an axis: the surface of the map is not quite where frames
+// saw it, and some of it none saw.
 fn color_beside(at: vec3f, direction: vec3f) -> vec4f {
   let spacing = 1.0 / scene.band_scale;
-  let along = normalize(direction) * spacing;
   let steps = i32(ceil(BESIDE_M / spacing));
+  var ways = array(normalize(direction), vec3f(1.0, 0.0, 0.0), vec3f(0.0, 1.0, 0.0), vec3f(0.0, 0.0, 1.0));
   for (var n = 1; n <= steps; n += 1) {
-    for (var side = 1; side >= -1; side -= 2) {
-      let point = at + along * f32(n * side);
+    for (var i = 0u; i < 8u; i += 1u) {
+      let point = at + ways[i / 2u] * (spacing * f32(select(n, -n, i % 2u == 1u)));
       let voxel = find_voxel(point);
       if voxel != NONE {
         let color = color_in(nodes[voxel_node(voxel)].block, point);

@@ -8,8 +8,8 @@ struct Scene {
   room: u32,
   // log2 of the largest voxels that take light, lattice units.
   surface_log2: u32,
-  // How far a surface's light reaches, m.
-  mist_m: f32,
+  // How far from a surface light is taken, m.
+  light_m: f32,
   // Edge length of an evidence cell, m.
   cell_m: f32,
   // Vertices of the band of colour in a metre, and log2 of those along an edge of a block.

@@ -1,7 +1,8 @@
 // The leaves that may take light, with what a ray needs of their corners, and octants that are missing
 // of voxels near a surface. An invocation a node; the order of the list has no
-// meaning. Twin: src/map/render/near.rs and src/map/render/tile/cubes.rs. Constant of the host:
-// HALF_DIAGONAL (how far the nearest corner of a voxel may be from a point in it, in edges).
+// meaning. Twin: src/map/render/near.rs and src/map/render/tile/cubes.rs. Constants of the host:
+// HALF_DIAGONAL (how far the nearest corner of a voxel may be from a point in it, in edges), LEARNED_M
+// (how far training may have moved the distance at a corner).
 #import lib/scene
 #import lib/step
 #import lib/interpolation
@@ -27,7 +28,7 @@ fn takes_light(id: u32, log2_size: u32) -> bool {
   if corners[id][0] == NONE {
     return false;
   }
-  let reach = HALF_DIAGONAL * edge_m(log2_size) + scene.mist_m;
+  let reach = HALF_DIAGONAL * edge_m(log2_size) + scene.light_m + LEARNED_M;
   for (var k = 0u; k < 8u; k += 1u) {
     if abs(rows[corners[id][k]].x) <= reach {
       return true;

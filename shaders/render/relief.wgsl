@@ -1,6 +1,6 @@
 // The cubes that are drawn: leaves as they were listed, and where surfaces have a relief, its cells.
 // An invocation a leaf; the order of the list has no meaning. Twin: `Grid` in src/map/render/relief.rs,
-// `emit_cells` and `refine` in src/map/render/tile/cubes.rs. Constant of the host: DISTANCE_STEP_M (a
+// `emit_cells` and `complete` in src/map/render/tile/cubes.rs. Constant of the host: DISTANCE_STEP_M (a
 // step of a stored distance).
 #import lib/scene
 #import lib/interpolation
@@ -48,17 +48,18 @@ fn read_cell(block: u32, at: vec3u) -> u32 {
   return known;
 }
 
-// Whether the cell in hand takes light, if all of it is known.
-fn is_near() -> bool {
-  var nearest = 3.4e38;
+// Whether the cell in hand takes light, by what is known of it.
+fn takes_light() -> bool {
+  var near = false;
   var above = false;
   var below = false;
   for (var k = 0u; k < 8u; k += 1u) {
-    nearest = min(nearest, abs(told[k].x));
-    above = above || told[k].x > 0.0;
-    below = below || told[k].x < 0.0;
+    let is_known = told[k].y > 0.0;
+    near = near || (is_known && abs(told[k].x) <= scene.light_m);
+    above = above || (is_known && told[k].x > 0.0);
+    below = below || (is_known && told[k].x < 0.0);
   }
-  return nearest <= scene.mist_m || (above && below);
+  return near || (above && below);
 }
 
 // What a leaf says at a place across its host, where x is from 0 to 1.
@@ -70,6 +71,22 @@ fn leaf_at(leaf: u32, x: vec3f) -> f32 {
     sum += shares.x * shares.y * shares.z * (c.x + dot(c.yzw, x));
   }
   return sum;
+}
+
+// A distance at corner k of the cell in hand that fits those which are known: a distance changes by no
+// more than the way between two places.
+fn bounded(distance: f32, k: u32) -> f32 {
+  var least = -3.4e38;
+  var most = 3.4e38;
+  for (var other = 0u; other < 8u; other += 1u) {
+    if told[other].y > 0.0 {
+      let way = sqrt(f32(countOneBits(k ^ other))) / scene.band_scale;
+      least = max(least, told[other].x - way);
+      most = min(most, told[other].x + way);
+    }
+  }
+  // What is known may not fit itself.
+  return min(max(distance, least), most);
 }
 
 // Room for another cube; NONE where there is none.
@@ -106,7 +123,7 @@ fn add_cell(leaf: u32, low: vec3i) {
     var distance = told[k].x;
     if told[k].y == 0.0 {
       let at = low - cube.host_low + (vec3i(corner_bits(k)) << vec3u(log2_size));
-      distance = leaf_at(leaf, vec3f(at) / host_size);
+      distance = bounded(leaf_at(leaf, vec3f(at) / host_size), k);
     }
     cube_corners[8u * index + k] = vec4f(distance, 0.0, 0.0, 0.0);
   }
@@ -138,7 +155,7 @@ fn refine(leaf: u32) {
     let low = cube.low + (vec3i(at) << vec3u(scene.cell_log2));
     if known == 0u {
       add_part(leaf, low, scene.cell_log2);
-    } else if known < 8u || is_near() {
+    } else if takes_light() {
       add_cell(leaf, low);
     }
   }

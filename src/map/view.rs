@@ -9,7 +9,7 @@ use super::language::Viewpoint;
 use super::pages::PageTable;
 use crate::config::MapConfig;
 use crate::geometry::{Aabb, floor};
-use crate::modality::radiance::{self, Texel, TexelSource};
+use crate::modality::radiance::{self, ColorCell, Texel, TexelSource};
 use crate::modality::{Decoders, Row, RowSource};
 use crate::octree::{
     Band, BandScale, Cell, ChildLink, NO_BLOCK, NO_NODE, NO_ROW, NodeSource, Root, Uppers,
@@ -219,6 +219,12 @@ impl Store {
     pub(super) fn color(&self, node: u32, point: Vec3) -> Option<Vec3> {
         let block = self.node(node).block;
         if block == NO_BLOCK { None } else { radiance::color(self, block, point) }
+    }
+
+    /// The cell of the band around a point of a node, if it has a colour.
+    pub(super) fn color_cell(&self, node: u32, point: Vec3) -> Option<ColorCell> {
+        let block = self.node(node).block;
+        (block != NO_BLOCK).then(|| ColorCell::at(self, block, point))
     }
 
     /// Writes the code at a point of a node to `out`; false where no features were seen.

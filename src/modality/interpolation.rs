@@ -23,6 +23,21 @@ const UPPER: [Corners; 3] = [
     [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 1.0],
 ];
 
+/// The coefficients of the trilinear interpolation between values at the corners of a cube:
+/// Σ cₖ Π x_axis over the bits of k, with x from 0 to 1 across the cube.
+#[inline]
+pub fn trilinear<T: Copy + std::ops::SubAssign>(mut corners: [T; 8]) -> [T; 8] {
+    for axis in [1, 2, 4] {
+        for k in 0..8 {
+            if k & axis != 0 {
+                let low = corners[k ^ axis];
+                corners[k] -= low;
+            }
+        }
+    }
+    corners
+}
+
 /// A point within a voxel.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Place {

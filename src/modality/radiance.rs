@@ -6,8 +6,9 @@
 //! what rays teach is added to them. Colours are sRGB within 0..1: what cameras deliver and screens
 //! take.
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
+use super::interpolation::trilinear;
 use crate::octree::{BandPlace, BandScale, NO_VERTEX, Uppers};
 use crate::surface::DISTANCE_STEP_M;
 
@@ -96,6 +97,41 @@ pub fn color(source: &(impl TexelSource + ?Sized), block: u32, point: Vec3) -> O
         }
     }
     (total > 0.0).then(|| sigmoid(sum / total))
+}
+
+/// A cell between eight vertices of a band, for who asks for many of its colours: says what [`color`]
+/// says.
+#[derive(Debug, Clone, Copy)]
+pub struct ColorCell {
+    /// Coefficients ([`trilinear`]) of Σ w p and, as w, of Σ w.
+    sums: [Vec4; 8],
+}
+
+impl ColorCell {
+    /// Less trilinear weight than this is rounding.
+    const LEAST: f32 = 1e-5;
+
+    /// The cell around a point (world metres) whose cell of level 0 has this block.
+    pub fn at(source: &(impl TexelSource + ?Sized), block: u32, point: Vec3) -> Self {
+        let scale = source.band();
+        let rows = scale.vertices_around(&scale.place(point), source.uppers(block));
+        let observed = rows.map(|row| {
+            let texel = if row == NO_VERTEX { Texel::default() } else { source.texel(row) };
+            if texel.is_observed() { texel.logits().extend(1.0) } else { Vec4::ZERO }
+        });
+        Self { sums: trilinear(observed) }
+    }
+
+    /// The colour at a place, with x from 0 to 1 across the cell; `None` where no vertex around was
+    /// observed.
+    #[inline]
+    pub fn color(&self, x: Vec3) -> Option<Vec3> {
+        let c = &self.sums;
+        let low = (c[0] + c[1] * x.x) + (c[2] + c[3] * x.x) * x.y;
+        let high = (c[4] + c[5] * x.x) + (c[6] + c[7] * x.x) * x.y;
+        let sum = low + high * x.z;
+        (sum.w > Self::LEAST).then(|| sigmoid(sum.truncate() / sum.w))
+    }
 }
 
 /// Logits of a colour within 0..1.

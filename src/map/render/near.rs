@@ -18,14 +18,14 @@ pub(super) struct Near<'a> {
     pub store: &'a Store,
     /// log2 of the largest voxels that take light.
     pub log2_size: u8,
-    /// How far a surface's light reaches, m.
-    pub(super) mist_m: f32,
+    /// How far from a surface light is taken, m.
+    light_m: f32,
 }
 
 impl<'a> Near<'a> {
     pub(super) fn new(view: &'a MapView, sharpness: f32) -> Self {
-        let mist_m = FAR / sharpness + LEARNED_M;
-        Self { store: &view.store, log2_size: Lattice::new(&view.config).surface(), mist_m }
+        let log2_size = Lattice::new(&view.config).surface();
+        Self { store: &view.store, log2_size, light_m: FAR / sharpness }
     }
 
     /// Edge length of a voxel, m.
@@ -39,10 +39,19 @@ impl<'a> Near<'a> {
         if log2_size > self.log2_size {
             return false;
         }
-        let reach = HALF_DIAGONAL * self.size_m(log2_size) + self.mist_m;
+        let reach = HALF_DIAGONAL * self.size_m(log2_size) + self.light_m + LEARNED_M;
         let corners = self.store.corners(node);
         let near = |&row: &u32| self.store.row(row).explicit[0].abs() <= reach;
         corners[0] != NO_ROW && corners.iter().any(near)
+    }
+
+    /// Whether a cell of the relief takes light, or all of it is said by the leaf, given the distances
+    /// at its corners that are known.
+    pub(super) fn takes_light_in(&self, corners: &[f32; 8]) -> bool {
+        let known = || corners.iter().filter(|d| !d.is_nan());
+        let is_crossed = known().any(|d| *d > 0.0) && known().any(|d| *d < 0.0);
+        let is_near = known().any(|d| d.abs() <= self.light_m);
+        is_crossed || is_near || known().next().is_none()
     }
 
     /// Whether all corners of a voxel with rows lie before the surface.

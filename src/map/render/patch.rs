@@ -13,7 +13,7 @@ pub(super) const SIDE: u32 = 16;
 
 /// How far from a voxel's border a colour is read, in edges of the voxel.
 pub(super) const RIM: f32 = 1e-4;
-/// How far along its ray a pixel looks for a colour, m.
+/// How far around its place a pixel looks for a colour, m.
 pub(super) const BESIDE_M: f32 = 0.1;
 /// A sample that takes less of the light does not look beside itself for a colour.
 pub(super) const BESIDE_WEIGHT: f32 = 0.2;
@@ -86,11 +86,21 @@ impl Paint {
         let rim = Vec3::splat(RIM * spot.size_m);
         let at = eye + spot.direction * spot.t;
         let inside = at.clamp(spot.low_m + rim, spot.low_m + spot.size_m - rim);
-        let color = store.color(spot.node, inside).or_else(|| {
-            // Worth a search only where it would show.
-            if weight > BESIDE_WEIGHT { beside(store, at, spot.direction) } else { None }
-        });
-        if let Some(color) = color {
+        let ray = (at, spot.direction);
+        self.take(store, ray, store.color(spot.node, inside), weight);
+    }
+
+    /// Takes the colour at a place of a ray with this direction; where there is none, one beside it.
+    pub(super) fn take(
+        &mut self,
+        store: &Store,
+        (at, direction): (Vec3, Vec3),
+        color: Option<Vec3>,
+        weight: f32,
+    ) {
+        // A search is worth it only where it would show.
+        let search = || if weight > BESIDE_WEIGHT { beside(store, at, direction) } else { None };
+        if let Some(color) = color.or_else(search) {
             self.sum += color * weight;
             self.weight += weight;
         }
@@ -102,14 +112,17 @@ impl Paint {
     }
 }
 
-/// The nearest colour along a ray: the surface of the map is not quite where frames saw it.
+/// The nearest colour along a ray, or along an axis: the surface of the map is not quite where frames
+/// saw it, and some of it none saw.
 #[cold]
 fn beside(store: &Store, at: Vec3, direction: Vec3) -> Option<Vec3> {
-    let step = direction.normalize_or_zero() * store.band.spacing_m();
-    let steps = (BESIDE_M / store.band.spacing_m()).ceil() as i32;
+    let spacing = store.band.spacing_m();
+    let steps = (BESIDE_M / spacing).ceil() as i32;
     let lookup = Lookup::new(store)?;
-    (1..=steps).flat_map(|n| [n, -n]).find_map(|n| {
-        let point = at + step * n as f32;
+    let ways = [direction.normalize_or_zero(), Vec3::X, Vec3::Y, Vec3::Z];
+    let places =
+        (1..=steps).flat_map(|n| ways.into_iter().flat_map(move |way| [(n, way), (-n, way)]));
+    places.map(|(n, way)| at + way * (spacing * n as f32)).find_map(|point| {
         let voxel = lookup.find(point);
         if voxel.is_some() { store.color(voxel.node, point) } else { None }
     })

@@ -10,7 +10,7 @@ pub(super) struct Scene {
     pub(super) rows: u32,
     pub(super) room: u32,
     pub(super) surface_log2: u32,
-    pub(super) mist_m: f32,
+    pub(super) light_m: f32,
     pub(super) cell_m: f32,
     pub(super) band_scale: f32,
     pub(super) band_log2: u32,

@@ -48,7 +48,9 @@ impl Rules {
         use Constant::{F32, U32};
         match kernel {
             "render/vertices" => vec![("MAX_QUADS", U32(MAX_HIDDEN as u32 / 4))],
-            "render/list" => vec![("HALF_DIAGONAL", F32(self.half_diagonal))],
+            "render/list" => {
+                vec![("HALF_DIAGONAL", F32(self.half_diagonal)), ("LEARNED_M", F32(self.learned_m))]
+            }
             "render/relief" => vec![("DISTANCE_STEP_M", F32(DISTANCE_STEP_M))],
             "render/cull" => vec![
                 ("NEAREST_M", F32(self.nearest_m)),

@@ -161,7 +161,7 @@ impl GpuRenderer {
             rows: extent.rows as u32,
             room: 0,
             surface_log2: extent.surface_log2.into(),
-            mist_m: FAR / sharpness + self.rules.learned_m,
+            light_m: FAR / sharpness,
             cell_m: extent.cell_m,
             band_scale: extent.band.side() as f32 / extent.band.cell_m,
             band_log2: extent.band.log2_side.into(),

@@ -24,7 +24,7 @@ pub(super) fn draw(
 ) -> Option<Rendering> {
     let set = InstructionSet::detect();
     let cubes = cubes::visible(job, pool);
-    let bins = Bins::new(&cubes, job.rays.intrinsics.width, job.rays.intrinsics.height);
+    let bins = Bins::new(&cubes.cubes, job.rays.intrinsics.width, job.rays.intrinsics.height);
     patch::assemble(job, pool, interrupted, &|area| {
         let cast = raster::cast(set, job, area, &cubes, bins.of(area));
         let mut patch = Patch::new(area.pixels(), job.channels);

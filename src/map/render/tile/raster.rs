@@ -2,7 +2,7 @@
 
 use super::super::patch::{Area, SIDE};
 use super::super::{Job, RenderSettings, SamplePosition};
-use super::cubes::Cube;
+use super::cubes::{Cube, Cubes};
 use crate::geometry::simd::{InstructionSet, Kernel, LINE, Lanes};
 use crate::modality::density::{FAR, LEAST_LIGHT, REACH, middle, place_of};
 
@@ -56,7 +56,7 @@ pub(super) fn cast(
     set: InstructionSet,
     job: &Job<'_>,
     area: Area,
-    cubes: &[Cube],
+    cubes: &Cubes,
     list: &[u32],
 ) -> Cast {
     let mut tile = Tile {
@@ -95,7 +95,7 @@ pub(super) fn cast(
 struct Tile<'a> {
     area: Area,
     settings: RenderSettings,
-    cubes: &'a [Cube],
+    cubes: &'a Cubes,
     list: &'a [u32],
     inverse: [Lane; 3],
     /// Where the ray left the last cube, and the distance there.
@@ -113,8 +113,7 @@ impl Kernel for &mut Tile<'_> {
     fn run<L: Lanes>(self) {
         let mut lit = [true; ROW];
         for &id in self.list {
-            let cube = &self.cubes[id as usize];
-            let rect = &cube.rect;
+            let rect = self.cubes.cubes[id as usize].rect;
             let top = rect.top.saturating_sub(self.area.top);
             let bottom = (rect.bottom - self.area.top).min(self.area.height - 1);
             let left = rect.left.saturating_sub(self.area.left) as usize;
@@ -168,14 +167,14 @@ impl Tile<'_> {
     /// Takes the pixels from `at` on through a cube; whether any of them lost light.
     #[inline(always)]
     fn pass<L: Lanes>(&mut self, id: u32, at: usize) -> bool {
-        let cube = &self.cubes[id as usize];
+        let cube = &self.cubes.cubes[id as usize];
         let (t_in, t_out) = self.span::<L>(cube, at);
         let light = L::load(&self.cast.light.0, at);
         let meets = (t_out - t_in).min(light - L::splat(LEAST_LIGHT));
         if !meets.any_positive() {
             return false;
         }
-        let field = Field::<L>::new(cube, &self.cast.directions, at);
+        let field = Field::<L>::new(self.cubes, cube, &self.cast.directions, at);
         // What touches the last cube goes on with its distance: no light is lost between voxels.
         let (last, zero) = (L::load(&self.t.0, at), L::splat(0.0));
         let gap = t_in - last;
@@ -256,21 +255,32 @@ fn falls_to_half<L: Lanes>(before: L, after: L) -> L {
 
 /// The distance in a cube along the rays of some pixels.
 struct Field<'a, L> {
-    cube: &'a Cube,
-    /// Across the voxel from 0 to 1: `start + slope * t`.
+    shape: Shape<'a>,
+    /// Across the host from 0 to 1: `start + slope * t`.
     slope: [L; 3],
     start: [L; 3],
 }
 
+/// What says the distance in a cube.
+enum Shape<'a> {
+    Cell(&'a [f32; 8]),
+    Leaf(&'a [[f32; 4]; 8]),
+}
+
 impl<'a, L: Lanes> Field<'a, L> {
     #[inline(always)]
-    fn new(cube: &'a Cube, directions: &[Lane; 3], at: usize) -> Self {
-        let scale = 1.0 / cube.host_size;
-        let start = cube.host_low * -scale;
+    fn new(cubes: &'a Cubes, cube: &'a Cube, directions: &[Lane; 3], at: usize) -> Self {
+        let (low, size) = cubes.host(cube);
+        let shape = match &cube.cell {
+            Some(cell) => Shape::Cell(&cell.0),
+            None => Shape::Leaf(&cubes.leaves[cube.leaf as usize].corners),
+        };
+        let scale = 1.0 / size;
+        let start = low * -scale;
         let (x, y, z) = (&directions[0].0, &directions[1].0, &directions[2].0);
         let scale = L::splat(scale);
         Self {
-            cube,
+            shape,
             slope: [L::load(x, at) * scale, L::load(y, at) * scale, L::load(z, at) * scale],
             start: [L::splat(start.x), L::splat(start.y), L::splat(start.z)],
         }
@@ -281,21 +291,45 @@ impl<'a, L: Lanes> Field<'a, L> {
         let x = self.slope[0].mul_add(t, self.start[0]);
         let y = self.slope[1].mul_add(t, self.start[1]);
         let z = self.slope[2].mul_add(t, self.start[2]);
-        let mut along_z = [x; 2];
-        for (k, along_z) in along_z.iter_mut().enumerate() {
-            let low = mix(self.corner(4 * k, x, y, z), self.corner(4 * k + 1, x, y, z), x);
-            let high = mix(self.corner(4 * k + 2, x, y, z), self.corner(4 * k + 3, x, y, z), x);
-            *along_z = mix(low, high, y);
+        match self.shape {
+            Shape::Cell(cell) => in_cell(cell, x, y, z),
+            Shape::Leaf(corners) => in_leaf(corners, x, y, z),
         }
-        mix(along_z[0], along_z[1], z)
     }
+}
 
-    #[inline(always)]
-    fn corner(&self, k: usize, x: L, y: L, z: L) -> L {
-        let [c, by_x, by_y, by_z] = self.cube.corners[k];
-        let sum = L::splat(by_x).mul_add(x, L::splat(c));
-        L::splat(by_z).mul_add(z, L::splat(by_y).mul_add(y, sum))
+/// The distance that a cell of the relief says, with x, y, z from 0 to 1 across it.
+#[inline(always)]
+fn in_cell<L: Lanes>(c: &[f32; 8], x: L, y: L, z: L) -> L {
+    let low = linear(c[2], c[3], x).mul_add(y, linear(c[0], c[1], x));
+    let high = linear(c[6], c[7], x).mul_add(y, linear(c[4], c[5], x));
+    high.mul_add(z, low)
+}
+
+/// `a + b x`.
+#[inline(always)]
+fn linear<L: Lanes>(a: f32, b: f32, x: L) -> L {
+    L::splat(b).mul_add(x, L::splat(a))
+}
+
+/// The distance that a leaf says, with x, y, z from 0 to 1 across it.
+#[inline(always)]
+fn in_leaf<L: Lanes>(corners: &[[f32; 4]; 8], x: L, y: L, z: L) -> L {
+    let mut along_z = [x; 2];
+    for (k, along_z) in along_z.iter_mut().enumerate() {
+        let [a, b, c, d] = [0, 1, 2, 3].map(|i| &corners[4 * k + i]);
+        let low = mix(at_corner(a, x, y, z), at_corner(b, x, y, z), x);
+        let high = mix(at_corner(c, x, y, z), at_corner(d, x, y, z), x);
+        *along_z = mix(low, high, y);
     }
+    mix(along_z[0], along_z[1], z)
+}
+
+/// What a corner of a leaf says of a place.
+#[inline(always)]
+fn at_corner<L: Lanes>([c, by_x, by_y, by_z]: &[f32; 4], x: L, y: L, z: L) -> L {
+    let sum = linear(*c, *by_x, x);
+    L::splat(*by_z).mul_add(z, L::splat(*by_y).mul_add(y, sum))
 }
 
 /// `low` at t = 0, `high` at t = 1.

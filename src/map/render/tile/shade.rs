@@ -5,7 +5,7 @@ use glam::Vec3;
 use super::super::Job;
 use super::super::patch::{Area, Paint, Patch, SIDE, Spot};
 use super::super::unknown::Outlook;
-use super::cubes::Cube;
+use super::cubes::Cubes;
 use super::raster::Cast;
 use crate::octree::Traversal;
 
@@ -13,7 +13,7 @@ use crate::octree::Traversal;
 pub(in crate::map::render) const BLOCK: u32 = 4;
 
 /// Writes the columns that are wanted.
-pub(super) fn fill(job: &Job<'_>, area: Area, cubes: &[Cube], cast: &Cast, patch: &mut Patch) {
+pub(super) fn fill(job: &Job<'_>, area: Area, cubes: &Cubes, cast: &Cast, patch: &mut Patch) {
     let direction = |pixel: u8| -> Vec3 {
         std::array::from_fn(|axis| cast.directions[axis].0[usize::from(pixel)]).into()
     };
@@ -35,9 +35,8 @@ pub(super) fn fill(job: &Job<'_>, area: Area, cubes: &[Cube], cast: &Cast, patch
             *depth = share.t;
         }
         if let Some(normal) = patch.normal.get_mut(i) {
-            let cube = &cubes[share.cube as usize];
-            let (_, gradient) = cube.distance_and_gradient(direction * share.t);
-            let unit = gradient.normalize_or_zero();
+            let cube = &cubes.cubes[share.cube as usize];
+            let unit = cubes.gradient(cube, direction * share.t).normalize_or_zero();
             *normal = if unit.dot(direction) <= 0.0 { unit } else { -unit };
         }
         if !patch.unknown.is_empty() {
@@ -51,16 +50,25 @@ pub(super) fn fill(job: &Job<'_>, area: Area, cubes: &[Cube], cast: &Cast, patch
         return;
     }
     let mut paints = vec![Paint::default(); area.pixels()];
-    for share in &cast.shares {
-        let cube = &cubes[share.cube as usize];
-        let spot = Spot {
-            direction: direction(share.pixel),
-            t: share.t,
-            node: cube.node,
-            low_m: job.rays.eye + cube.host_low,
-            size_m: cube.host_size,
-        };
-        paints[place(share.pixel)].add(&job.view.store, job.rays.eye, &spot, share.weight);
+    let (store, eye) = (&job.view.store, job.rays.eye);
+    // Shares come cube by cube. A cell of the relief is one of the band of colour.
+    for shares in cast.shares.chunk_by(|a, b| a.cube == b.cube) {
+        let cube = &cubes.cubes[shares[0].cube as usize];
+        let node = cubes.leaves[cube.leaf as usize].node;
+        let (low, size_m) = cubes.host(cube);
+        let middle = eye + 0.5 * (cube.low + cube.high);
+        let cell = cube.cell.and_then(|_| store.color_cell(node, middle));
+        for share in shares {
+            let (paint, direction) = (&mut paints[place(share.pixel)], direction(share.pixel));
+            let at = direction * share.t;
+            if let Some(cell) = &cell {
+                let x = ((at - low) / size_m).clamp(Vec3::ZERO, Vec3::ONE);
+                paint.take(store, (eye + at, direction), cell.color(x), share.weight);
+            } else {
+                let spot = Spot { direction, t: share.t, node, low_m: eye + low, size_m };
+                paint.add(store, eye, &spot, share.weight);
+            }
+        }
     }
     for (i, (color, paint)) in patch.color.iter_mut().zip(paints).enumerate() {
         *color = paint.color(1.0 - light(i));

@@ -68,7 +68,7 @@ fn structs_lie_as_the_hosts() {
         rows,
         room,
         surface_log2,
-        mist_m,
+        light_m,
         cell_m,
         band_scale,
         band_log2,
