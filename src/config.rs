@@ -18,6 +18,7 @@ mod stored;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
+use crate::geometry::harmonics::MAX_DEGREE;
 
 pub use access::{
     AccessConfig, AuthSettings, KeyConfig, KeySettings, KeySource, LimitSettings, Role, TlsConfig,
@@ -99,6 +100,9 @@ pub struct MapSettings {
     pub memory_mib: u32,
     /// Distance between vertices of colour, m; r0_m divided by the nearest of 1, 2, 4 and 8.
     pub color_spacing_m: f32,
+    /// Degree of the spherical harmonics by which a colour depends on where it is seen from; 0: on
+    /// nothing.
+    pub color_degree: u8,
     /// Rays of a training step whose colours are compared with the camera's.
     pub color_rays: u32,
     /// Whether distances learn from these comparisons.
@@ -134,6 +138,7 @@ impl Default for MapSettings {
             frame_budget_ms: 25.0,
             memory_mib: 4096,
             color_spacing_m: 0.025,
+            color_degree: 0,
             color_rays: 0,
             color_sharpens: true,
             dictionary: "online".into(),
@@ -205,6 +210,10 @@ pub struct MapConfig {
 pub struct RadianceConfig {
     /// log2 of the vertices of colour along an edge of a level-0 voxel.
     pub log2_side: u8,
+    /// Degree of the spherical harmonics by which colours depend on the direction. Stored apart: maps
+    /// from before colours did have none.
+    #[serde(skip)]
+    pub degree: u8,
     /// Every n-th pixel in u and v leaves its colour.
     pub stride: u32,
     /// Rays of a training step that compare colours.
@@ -231,10 +240,14 @@ impl RadianceConfig {
         if settings.color_rays > MAX_COLOR_RAYS {
             return Err(Error::invalid("color_rays", format!("at most {MAX_COLOR_RAYS}")));
         }
+        if settings.color_degree > MAX_DEGREE {
+            return Err(Error::invalid("color_degree", format!("at most {MAX_DEGREE}")));
+        }
         let full = settings.profile == Profile::Full;
         Ok(Self {
             log2_side: (settings.r0_m / settings.color_spacing_m).log2().round().clamp(0.0, 3.0)
                 as u8,
+            degree: settings.color_degree,
             stride: if full { 2 } else { 4 },
             rays_per_step: settings.color_rays,
             learning_rate: 0.01,
@@ -249,6 +262,7 @@ impl Default for RadianceConfig {
     fn default() -> Self {
         Self {
             log2_side: 2,
+            degree: 0,
             stride: 4,
             rays_per_step: 0,
             learning_rate: 0.01,
@@ -322,6 +336,7 @@ impl MapConfig {
         self.check_numbers()?;
         let radiance = &self.radiance;
         if radiance.log2_side > 3
+            || radiance.degree > MAX_DEGREE
             || radiance.stride == 0
             || radiance.rays_per_step > MAX_COLOR_RAYS
             || !radiance.learning_rate.is_finite()

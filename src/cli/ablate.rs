@@ -1,8 +1,8 @@
 //! `orenx ablate`: what each part of the method is worth on one recording, as one report.
 //!
 //! It varies what the paper's ablation tables vary, as far as there is a setting for it: which
-//! modalities train together, noise of depth, where a ray takes its colour, what draws the images; and
-//! where distances start, which the paper has no choice of.
+//! modalities train together, noise of depth, whether colours depend on the direction, where a ray takes
+//! its colour, what draws the images; and where distances start, which the paper has no choice of.
 
 mod chart;
 mod page;
@@ -30,6 +30,8 @@ pub enum Topic {
     Modalities,
     /// Noise of depth, by the start of distances and by modalities
     Noise,
+    /// Whether colours depend on where they are seen from
+    Color,
     /// Where a ray takes its colour
     Sample,
     /// What draws the images
@@ -82,6 +84,7 @@ impl AblateArgs {
             let table = match topic {
                 Topic::Modalities => study.modalities(),
                 Topic::Noise => study.noise(&self.noise),
+                Topic::Color => study.color(),
                 Topic::Sample => study.sample(),
                 Topic::Renderer => study.renderer(),
             }?;

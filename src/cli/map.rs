@@ -57,6 +57,10 @@ pub struct MapArgs {
     /// Edge length of a level-0 voxel, metres; 0.1 by default
     #[arg(long, value_name = "M")]
     r0: Option<f32>,
+    /// Degree of the spherical harmonics by which colors depend on where they are seen from, 0 (they
+    /// do not) to 3; 0 by default
+    #[arg(long, value_name = "N")]
+    color_degree: Option<u8>,
     /// Noise to add to depth: gaussian:S (metres), axial:S (S·z) or kinect:S
     #[arg(long, value_name = "MODEL:S")]
     noise: Option<Noise>,
@@ -134,6 +138,7 @@ impl MapArgs {
             modalities: modalities.clone(),
             r0_m: self.r0.unwrap_or(defaults.r0_m),
             steps: self.steps.or(defaults.steps),
+            color_degree: self.color_degree.unwrap_or(defaults.color_degree),
             seed: self.seed.unwrap_or(defaults.seed),
             ..defaults.clone()
         }

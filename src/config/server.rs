@@ -359,6 +359,7 @@ mod tests {
             ("[server]\nmax_frame_age_s = -1.0\n", "server.max_frame_age_s"),
             ("[encoder]\nkind = \"static\"\n", "encoder.folder"),
             ("[map]\nr0_m = 5.0\n", "map.r0_m"),
+            ("[map]\ncolor_degree = 4\n", "map.color_degree: at most 3"),
         ] {
             let settings = Settings::parse(text, "test").expect("parses");
             let error = ServerConfig::from_settings(&settings).expect_err(key).to_string();

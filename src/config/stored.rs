@@ -37,6 +37,7 @@ impl MapConfig {
             frame_budget_ms: self.frame_budget_ms,
             memory_mib: self.memory_mib,
             color_spacing_m: self.r0_m / (1u32 << self.radiance.log2_side) as f32,
+            color_degree: self.radiance.degree,
             color_rays: self.radiance.rays_per_step,
             color_sharpens: self.radiance.sharpens,
             dictionary: self.language.dictionary.name(),
@@ -76,6 +77,7 @@ impl MapConfig {
             kept("modalities", self.modalities.join(","), current.modalities.join(",")),
             kept("r0_m", self.r0_m, current.r0_m),
             kept("color_spacing_m", spacing(self), spacing(current)),
+            kept("color_degree", self.radiance.degree, current.radiance.degree),
             kept("dictionary", self.language.dictionary.name(), current.language.dictionary.name()),
             kept("dictionary_atoms", self.language.capacity, current.language.capacity),
             kept("code_spacing_m", code_spacing(self), code_spacing(current)),
@@ -142,7 +144,7 @@ fn kept<T: PartialEq + Debug>(field: &'static str, stored: T, current: T) -> Opt
 
 #[cfg(test)]
 mod tests {
-    use super::super::{MapSettings, Prior, Profile, Schedule};
+    use super::super::{MapSettings, Prior, Profile, RadianceConfig, Schedule};
     use super::*;
 
     fn config(change: impl FnOnce(&mut MapSettings)) -> MapConfig {
@@ -154,6 +156,7 @@ mod tests {
     #[test]
     fn settings_come_back() {
         let full = config(|s| (s.profile, s.steps, s.seed) = (Profile::Full, Some(9), 4));
+        let full = MapConfig { radiance: RadianceConfig { degree: 3, ..full.radiance }, ..full };
         assert_eq!(MapConfig::from_settings(&full.settings()).expect("valid"), full);
     }
 
@@ -167,7 +170,7 @@ mod tests {
             assert_eq!(config.clone().checked().expect("our own"), config);
         }
         type Spoil = fn(&mut MapConfig);
-        let cases: [(&str, Spoil); 9] = [
+        let cases: [(&str, Spoil); 10] = [
             ("surfel_stride of 0", |c| c.surfel_stride = 0),
             ("carve_stride of 0", |c| c.carve_stride = 0),
             ("key_frame_pixels of 0", |c| c.key_frame_pixels = 0),
@@ -176,6 +179,7 @@ mod tests {
             ("max_distance_m of inf", |c| c.max_distance_m = f32::INFINITY),
             ("finest_level of -5", |c| c.finest_level = -5),
             ("memory_mib of 0", |c| c.memory_mib = 0),
+            ("of radiance", |c| c.radiance.degree = 4),
             ("modality of smell", |c| c.modalities.push("smell".into())),
         ];
         for (words, spoil) in cases {
@@ -207,6 +211,7 @@ mod tests {
             s.prior = Prior::Learned;
             s.modalities = vec!["sdf".into()];
             s.seed = 3;
+            s.color_degree = 2;
             s.memory_mib = 100;
         });
         let kept: Vec<String> = stored.kept(&current).iter().map(Kept::to_string).collect();
@@ -215,6 +220,7 @@ mod tests {
             "prior closed (not learned)",
             "modalities sdf,occupancy,radiance,language (not sdf)",
             "r0_m 0.05 (not 0.1)",
+            "color_degree 0 (not 2)",
             "seed 0 (not 3)",
         ];
         assert_eq!(kept, expected);

@@ -1,7 +1,8 @@
-//! Maths without a map: poses, cameras, boxes, random numbers, SIMD lanes.
+//! Maths without a map: poses, cameras, boxes, random numbers, SIMD lanes, spherical harmonics.
 
 mod aabb;
 mod camera;
+pub mod harmonics;
 pub(crate) mod matmul;
 mod pose;
 pub mod random;

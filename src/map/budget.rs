@@ -35,8 +35,9 @@ fn block(config: &MapConfig) -> usize {
     let Some(scale) = ColorField::scale(config) else { return 1 };
     let learns = config.radiance.rays_per_step > 0;
     let learned = if learns { ColorRows::ROW_BYTES + size_of::<[f32; 3]>() } else { 0 };
-    DOUBLING * (ColorField::block_bytes(scale) + scale.vertices() * learned)
-        + Store::block_bytes(scale)
+    let degree = config.radiance.degree;
+    DOUBLING * (ColorField::block_bytes(scale, degree) + scale.vertices() * learned)
+        + Store::block_bytes(scale, degree)
 }
 
 /// A block of codes, with as many atoms as there may be: averages, and the pages.

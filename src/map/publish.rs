@@ -130,7 +130,7 @@ impl Mapper {
         });
         changed.sort_unstable();
         changed.dedup();
-        self.store.write_colors(&color.band, changed, |block, texels| {
+        self.store.write_colors(&color.band, changed, |block, texels, harmonics| {
             let rows = block as usize * texels.len();
             for (i, (texel, seen)) in texels.iter_mut().zip(&color.seen()[rows..]).enumerate() {
                 let logits = (seen.weight > 0.0).then(|| {
@@ -139,6 +139,10 @@ impl Mapper {
                 });
                 let distance = color.relief().get(rows + i).and_then(|seen| seen.distance());
                 *texel = Texel::new(logits, distance);
+            }
+            let width = harmonics.len() / texels.len();
+            for (row, harmonics) in (rows as u32..).zip(harmonics.chunks_exact_mut(width.max(1))) {
+                radiance::write_harmonics(color.harmonics(row), harmonics);
             }
         });
     }

@@ -15,7 +15,7 @@ use crate::config::MapConfig;
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
 use crate::modality::language::{LanguageField, LanguageState};
-use crate::modality::radiance::Texel;
+use crate::modality::radiance::{self, Harmonic, Texel};
 use crate::modality::{Decoders, Row, occupancy, sdf};
 use crate::octree::{
     Band, Cell, ChildLink, NO_BLOCK, NO_NODE, NO_ROW, Root, StoredNodes, TopologyState,
@@ -137,6 +137,8 @@ pub struct ViewState {
     /// The cells of the blocks of colour, which say which nodes they belong to.
     pub color_cells: Vec<Cell>,
     pub texels: Vec<Texel>,
+    /// Their harmonics, vertex by vertex.
+    pub harmonics: Vec<Harmonic>,
     pub codes: ViewCodesState,
     /// Where the map was seen from.
     pub viewpoints: Vec<Viewpoint>,
@@ -164,6 +166,7 @@ impl MapView {
             known: Vec::new(),
             color_cells: Vec::new(),
             texels: Vec::new(),
+            harmonics: Vec::new(),
             codes: store.codes.state(),
             viewpoints: self.viewpoints.to_vec(),
         };
@@ -181,9 +184,12 @@ impl MapView {
         for page in store.colors.pages() {
             state.color_cells.extend(page.cells);
             state.texels.extend_from_slice(&page.texels);
+            state.harmonics.extend_from_slice(&page.harmonics);
         }
         state.color_cells.truncate(store.color_blocks);
-        state.texels.truncate(store.color_blocks * store.band.vertices());
+        let vertices = store.color_blocks * store.band.vertices();
+        state.texels.truncate(vertices);
+        state.harmonics.truncate(vertices * radiance::harmonics(store.color_degree));
         state
     }
 
@@ -198,12 +204,11 @@ impl MapView {
             node_slots: state.children.len(),
             ..Store::new(&config)
         };
-        let band = Band::with_cells(store.band, &state.color_cells)
-            .filter(|band| band.rows() == state.texels.len())
-            .ok_or_else(|| Error::corrupt("view", "blocks of colour do not fit together"))?;
-        store.write_colors(&band, 0..band.blocks() as u32, |block, texels| {
-            let rows = block as usize * texels.len();
-            texels.copy_from_slice(&state.texels[rows..rows + texels.len()]);
+        let harmonics = state.harmonics.len();
+        let band = colored(&store, &state.color_cells, (state.texels.len(), harmonics))?;
+        store.write_colors(&band, 0..band.blocks() as u32, |block, texels, harmonics| {
+            copy_block(block, &state.texels, texels);
+            copy_block(block, &state.harmonics, harmonics);
         });
         let coded = store
             .codes
@@ -259,6 +264,21 @@ impl MapView {
     }
 }
 
+/// The blocks of colour of a stored view with so many texels and harmonics.
+fn colored(store: &Store, cells: &[Cell], lengths: (usize, usize)) -> Result<Band> {
+    let width = radiance::harmonics(store.color_degree);
+    let fits = |band: &Band| (band.rows(), band.rows() * width) == lengths;
+    Band::with_cells(store.band, cells)
+        .filter(fits)
+        .ok_or_else(|| Error::corrupt("view", "blocks of colour do not fit together"))
+}
+
+/// What a block has of a column of all.
+fn copy_block<T: Copy>(block: u32, all: &[T], to: &mut [T]) {
+    let from = block as usize * to.len();
+    to.copy_from_slice(&all[from..from + to.len()]);
+}
+
 /// Every index in a stored view refers to something that is there.
 fn check(state: &ViewState, coarsest_log2: u8) -> Result<()> {
     let (rows, bricks) = (state.rows.len(), state.known.len());
@@ -287,7 +307,8 @@ mod tests {
     use crate::octree::LIMIT;
 
     fn mapper() -> Mapper {
-        let settings = MapSettings { r0_m: 0.4, steps: Some(0), ..MapSettings::default() };
+        let settings =
+            MapSettings { r0_m: 0.4, steps: Some(0), color_degree: 1, ..MapSettings::default() };
         let config = MapConfig::from_settings(&settings).expect("valid settings");
         let mut mapper = Mapper::new(config).expect("an empty map");
         let room = Synthetic::room(100).with_width(16);
@@ -307,7 +328,7 @@ mod tests {
     #[test]
     fn a_map_that_could_be_walked_for_ever_is_refused_by_name() {
         type Spoil = fn(&mut MapperState<'_>);
-        let cases: [(&str, Spoil); 16] = [
+        let cases: [(&str, Spoil); 18] = [
             ("octree", |s| {
                 let (parent, leaf) = parent_and_leaf(&s.topology.children, &s.topology.log2_sizes);
                 s.topology.children.to_mut()[leaf] = s.topology.children[parent];
@@ -338,6 +359,14 @@ mod tests {
                 let row = row.expect("a row near a surface");
                 s.surface.prior.next.to_mut()[row] = row as u32;
             }),
+            ("colours", |s| {
+                let color = s.surface.color.as_mut().expect("colours");
+                color.by_direction.to_mut().pop();
+            }),
+            ("colours", |s| {
+                let color = s.surface.color.as_mut().expect("colours");
+                color.by_direction.to_mut()[0] = f32::NAN;
+            }),
             ("key frames", |s| s.key_frames.pixels[0].z = f32::NAN),
             ("progress", |s| s.progress.stats.epoch = u64::MAX),
         ];
@@ -353,12 +382,12 @@ mod tests {
     }
 
     #[test]
-    fn a_view_whose_nodes_make_no_tree_is_refused() {
+    fn a_view_whose_parts_do_not_fit_together_is_refused() {
         let view = mapper().publish_all().expect("a view");
         let again = |state| MapView::from_state(view.config().clone(), state);
         again(view.state()).expect("whole");
         type Spoil = fn(&mut ViewState);
-        let cases: [Spoil; 4] = [
+        let cases: [Spoil; 5] = [
             |s| {
                 let (parent, leaf) = parent_and_leaf(&s.children, &s.log2_sizes);
                 s.children[leaf] = s.children[parent];
@@ -368,6 +397,7 @@ mod tests {
                 s.corners[at][7] = NO_ROW;
             },
             |s| s.children.push(0),
+            |s| s.harmonics.truncate(s.harmonics.len() - 1),
             |s| s.record.root = None,
         ];
         for (number, spoil) in cases.into_iter().enumerate() {

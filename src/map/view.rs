@@ -9,7 +9,7 @@ use super::language::Viewpoint;
 use super::pages::PageTable;
 use crate::config::MapConfig;
 use crate::geometry::{Aabb, floor};
-use crate::modality::radiance::{self, ColorCell, Texel, TexelSource};
+use crate::modality::radiance::{self, ColorCell, Harmonic, Texel, TexelSource};
 use crate::modality::{Decoders, Row, RowSource};
 use crate::octree::{
     Band, BandScale, Cell, ChildLink, NO_BLOCK, NO_NODE, NO_ROW, NodeSource, Root, Uppers,
@@ -93,11 +93,18 @@ pub(super) struct ColorPage {
     pub uppers: [Uppers; BLOCKS],
     /// The vertices of block after block; empty until the page is written.
     pub texels: Vec<Texel>,
+    /// Their harmonics; empty too where the map's colours have none.
+    pub harmonics: Vec<Harmonic>,
 }
 
 impl Default for ColorPage {
     fn default() -> Self {
-        Self { cells: [[0; 3]; BLOCKS], uppers: [[NO_BLOCK; 8]; BLOCKS], texels: Vec::new() }
+        Self {
+            cells: [[0; 3]; BLOCKS],
+            uppers: [[NO_BLOCK; 8]; BLOCKS],
+            texels: Vec::new(),
+            harmonics: Vec::new(),
+        }
     }
 }
 
@@ -116,6 +123,8 @@ pub(super) struct Store {
     pub placed_bricks: usize,
     /// How the band of colour divides level-0 voxels.
     pub band: BandScale,
+    /// Of the harmonics of colours.
+    pub color_degree: u8,
     pub color_blocks: usize,
     pub colors: PageTable<ColorPage>,
     pub codes: ViewCodes,
@@ -160,10 +169,18 @@ impl TexelSource for Store {
 
     #[inline]
     fn texel(&self, row: u32) -> Texel {
-        // Divided by shifting: the compiler cannot know that a page is a power of two of texels.
-        let log2_page = BLOCKS.ilog2() + 3 * u32::from(self.band.log2_side);
-        let (page, at) = (row >> log2_page, row & ((1 << log2_page) - 1));
-        self.colors.page(page as usize).texels[at as usize]
+        let (page, at) = self.color_place(row);
+        page.texels[at]
+    }
+
+    fn degree(&self) -> u8 {
+        self.color_degree
+    }
+
+    #[inline]
+    fn harmonics(&self, row: u32) -> &[Harmonic] {
+        let ((page, at), width) = (self.color_place(row), radiance::harmonics(self.color_degree));
+        &page.harmonics[at * width..(at + 1) * width]
     }
 }
 
@@ -183,15 +200,26 @@ impl Store {
             placed_bricks: 0,
             band: ColorField::scale(config)
                 .unwrap_or(BandScale { cell_m: config.r0_m, log2_side: 0 }),
+            color_degree: config.radiance.degree,
             color_blocks: 0,
             colors: PageTable::default(),
             codes: ViewCodes::new(config),
         }
     }
 
+    /// Where a vertex of colour is.
+    #[inline]
+    fn color_place(&self, row: u32) -> (&ColorPage, usize) {
+        // Divided by shifting: the compiler cannot know that a page is a power of two of texels.
+        let log2_page = BLOCKS.ilog2() + 3 * u32::from(self.band.log2_side);
+        let (page, at) = (row >> log2_page, row & ((1 << log2_page) - 1));
+        (self.colors.page(page as usize), at as usize)
+    }
+
     /// What a block of colour takes in pages, bytes.
-    pub(super) fn block_bytes(band: BandScale) -> usize {
-        size_of::<Cell>() + size_of::<Uppers>() + band.vertices() * size_of::<Texel>()
+    pub(super) fn block_bytes(band: BandScale, degree: u8) -> usize {
+        let vertex = size_of::<Texel>() + radiance::harmonics(degree) * size_of::<Harmonic>();
+        size_of::<Cell>() + size_of::<Uppers>() + band.vertices() * vertex
     }
 
     /// Writes blocks of colour; `fill` sets the vertices of one.
@@ -199,18 +227,21 @@ impl Store {
         &mut self,
         band: &Band,
         blocks: impl IntoIterator<Item = u32>,
-        mut fill: impl FnMut(u32, &mut [Texel]),
+        mut fill: impl FnMut(u32, &mut [Texel], &mut [Harmonic]),
     ) {
         let vertices = band.scale.vertices();
+        let width = radiance::harmonics(self.color_degree) * vertices;
         self.color_blocks = band.blocks();
         self.colors.grow(self.color_blocks.div_ceil(BLOCKS));
         for block in blocks {
             let page = self.colors.write(block as usize / BLOCKS);
             page.texels.resize(BLOCKS * vertices, Texel::default());
+            page.harmonics.resize(BLOCKS * width, Harmonic::default());
             let slot = block as usize % BLOCKS;
             page.cells[slot] = band.cells()[block as usize];
             page.uppers[slot] = *band.uppers(block);
-            fill(block, &mut page.texels[slot * vertices..][..vertices]);
+            let texels = &mut page.texels[slot * vertices..][..vertices];
+            fill(block, texels, &mut page.harmonics[slot * width..][..width]);
         }
     }
 
@@ -221,10 +252,18 @@ impl Store {
         if block == NO_BLOCK { None } else { radiance::color(self, block, point) }
     }
 
-    /// The cell of the band around a point of a node, if it has a colour.
+    /// The cell of the band around a point of a node, if it has a colour that is alike from everywhere.
     pub(super) fn color_cell(&self, node: u32, point: Vec3) -> Option<ColorCell> {
         let block = self.node(node).block;
-        (block != NO_BLOCK).then(|| ColorCell::at(self, block, point))
+        (block != NO_BLOCK && self.degree() == 0).then(|| ColorCell::at(self, block, point))
+    }
+
+    /// The colour at a point of a node as it is seen along a direction, world axes.
+    #[inline]
+    pub(super) fn color_along(&self, node: u32, point: Vec3, direction: Vec3) -> Option<Vec3> {
+        let block = self.node(node).block;
+        let is_there = block != NO_BLOCK;
+        is_there.then(|| radiance::color_along(self, block, point, direction)).flatten()
     }
 
     /// Writes the code at a point of a node to `out`; false where no features were seen.
@@ -244,7 +283,7 @@ impl Store {
         (self.rows.len() * size_of::<RowPage>()
             + self.nodes.len() * size_of::<NodePage>()
             + self.bricks.len() * size_of::<BrickPage>()
-            + self.color_blocks * Self::block_bytes(self.band)) as u64
+            + self.color_blocks * Self::block_bytes(self.band, self.color_degree)) as u64
             + self.codes.bytes()
     }
 

@@ -9,6 +9,7 @@
 use glam::{Vec3, Vec4};
 
 use super::interpolation::trilinear;
+use crate::geometry::harmonics::{Harmonics, terms};
 use crate::octree::{BandPlace, BandScale, NO_VERTEX, Uppers};
 use crate::surface::DISTANCE_STEP_M;
 
@@ -64,6 +65,28 @@ impl Texel {
     }
 }
 
+/// A coefficient of a vertex as a view holds it, sRGB in steps of 2⁻¹³: what it adds to the colour along
+/// the mean of all directions comes first, and then harmonics of degree 1 and more.
+pub type Harmonic = [i16; 3];
+
+/// Steps of a [`Harmonic`] in one unit.
+const HARMONIC_SCALE: f32 = 8192.0;
+
+/// How many a vertex has with harmonics of degrees 1 to `degree`; none with degree 0.
+pub const fn harmonics(degree: u8) -> usize {
+    if degree == 0 { 0 } else { 1 + terms(degree) }
+}
+
+/// Writes a vertex: the constant, and as many coefficients; zeros where it has none.
+pub fn write_harmonics(seen: Option<(Vec3, &[[f32; 3]])>, out: &mut [Harmonic]) {
+    let step = |x: f32| (x * HARMONIC_SCALE).round() as i16;
+    out.fill([0; 3]);
+    if let Some((constant, coefficients)) = seen {
+        let all = [constant.to_array()].into_iter().chain(coefficients.iter().copied());
+        out.iter_mut().zip(all).for_each(|(out, of)| *out = of.map(step));
+    }
+}
+
 fn other_than_0(distance: Option<i16>) -> i16 {
     distance.map_or(0, |steps| if steps == 0 { 1 } else { steps })
 }
@@ -76,10 +99,14 @@ pub trait TexelSource {
     fn uppers(&self, block: u32) -> &Uppers;
     /// The vertex with a row that exists.
     fn texel(&self, row: u32) -> Texel;
+    /// The degree of the harmonics of vertices; 0: colours do not depend on the direction.
+    fn degree(&self) -> u8;
+    /// The harmonics of the vertex with a row that exists, [`harmonics`] of them.
+    fn harmonics(&self, row: u32) -> &[Harmonic];
 }
 
-/// The colour at a point (world metres) whose cell of level 0 has this block; `None` where no
-/// vertex around was observed.
+/// The colour at a point (world metres) whose cell of level 0 has this block, in the mean over the
+/// directions that it was seen along; `None` where no vertex around was observed.
 #[inline]
 pub fn color(source: &(impl TexelSource + ?Sized), block: u32, point: Vec3) -> Option<Vec3> {
     let scale = source.band();
@@ -134,6 +161,40 @@ impl ColorCell {
     }
 }
 
+/// The same, as it is seen along a direction (world axes, away from the eye).
+#[inline]
+pub fn color_along(
+    source: &(impl TexelSource + ?Sized),
+    block: u32,
+    point: Vec3,
+    direction: Vec3,
+) -> Option<Vec3> {
+    let color = color(source, block, point)?;
+    if source.degree() == 0 {
+        return Some(color);
+    }
+    Some((color + added(source, block, point, direction)).clamp(Vec3::ZERO, Vec3::ONE))
+}
+
+/// What the harmonics at a point with a colour add along a direction.
+fn added(source: &(impl TexelSource + ?Sized), block: u32, point: Vec3, direction: Vec3) -> Vec3 {
+    let harmonics = Harmonics::along(direction.normalize_or_zero(), source.degree());
+    let scale = source.band();
+    let place = scale.place(point);
+    let rows = scale.vertices_around(&place, source.uppers(block));
+    let (mut sum, mut total) = (Vec3::ZERO, 0.0);
+    for (row, weight) in rows.into_iter().zip(place.weights()) {
+        if row != NO_VERTEX && source.texel(row).is_observed() {
+            let values = [1.0].iter().chain(harmonics.values());
+            for (term, value) in source.harmonics(row).iter().zip(values) {
+                sum += Vec3::from(term.map(f32::from)) * (weight * value);
+            }
+            total += weight;
+        }
+    }
+    sum / (total * HARMONIC_SCALE)
+}
+
 /// Logits of a colour within 0..1.
 #[inline]
 pub fn logits(color: Vec3) -> Vec3 {
@@ -154,7 +215,8 @@ mod tests {
     use super::*;
     use crate::octree::Band;
 
-    struct Source(Band, Vec<Texel>);
+    /// A block, its vertices, the degree of their harmonics, and these.
+    struct Source(Band, Vec<Texel>, u8, Vec<Harmonic>);
 
     impl TexelSource for Source {
         fn band(&self) -> BandScale {
@@ -167,6 +229,15 @@ mod tests {
 
         fn texel(&self, row: u32) -> Texel {
             self.1[row as usize]
+        }
+
+        fn degree(&self) -> u8 {
+            self.2
+        }
+
+        fn harmonics(&self, row: u32) -> &[Harmonic] {
+            let width = harmonics(self.2);
+            &self.3[row as usize * width..(row as usize + 1) * width]
         }
     }
 
@@ -185,7 +256,7 @@ mod tests {
         let mut band = Band::new(scale);
         band.limit(1);
         let block = band.insert([0; 3]).expect("room");
-        let mut source = Source(band, vec![Texel::default(); 8]);
+        let mut source = Source(band, vec![Texel::default(); 8], 0, Vec::new());
         let point = Vec3::splat(0.02);
         assert_eq!(color(&source, block, point), None);
         let (red, blue) = (Vec3::new(0.9, 0.1, 0.1), Vec3::new(0.1, 0.1, 0.9));
@@ -196,5 +267,36 @@ mod tests {
         // Halfway along x between both, in logits: both mix alike, whatever the other axes say.
         let found = color(&source, block, Vec3::new(0.025, 0.02, 0.02)).expect("observed");
         assert!((found - Vec3::new(0.5, 0.1, 0.5)).abs().max_element() < 1e-3, "{found}");
+    }
+
+    #[test]
+    fn harmonics_are_added_along_the_direction_and_no_colour_leaves_its_range() {
+        let scale = BandScale { cell_m: 0.1, log2_side: 1 };
+        let mut band = Band::new(scale);
+        band.limit(1);
+        let block = band.insert([0; 3]).expect("room");
+        let grey = Texel::new(Some(logits(Vec3::splat(0.5))), None);
+        let mut all = vec![[0; 3]; 8 * harmonics(1)];
+        // Two vertices along x, and a third that nobody saw: a slope along z, twice as steep.
+        for (row, slope) in [(0, 0.2), (1, 0.4), (2, 4.0)] {
+            let coefficients = [[0.0; 3], [slope, -slope, 9.0], [0.0; 3]];
+            let constant = Vec3::new(0.1, 0.0, 0.0);
+            let out = &mut all[row * harmonics(1)..(row + 1) * harmonics(1)];
+            write_harmonics(Some((constant, &coefficients)), out);
+        }
+        let mut texels = vec![Texel::default(); 8];
+        texels[..2].fill(grey);
+        let source = Source(band, texels, 1, all);
+        let at = Vec3::new(0.025, 0.02, 0.02);
+        let plain = color(&source, block, at).expect("observed");
+        assert!((plain - 0.5).abs().max_element() < 1e-3, "{plain}");
+        for (direction, by) in [(Vec3::Z, 1.0), (Vec3::new(0.0, 3.0, -4.0), -0.8)] {
+            let found = color_along(&source, block, at, direction).expect("observed");
+            let slope = 0.3 * by * 0.488_602_5;
+            let blue = if by > 0.0 { 1.0 } else { 0.0 };
+            let expected = Vec3::new(0.6 + slope, 0.5 - slope, blue);
+            assert!((found - expected).abs().max_element() < 1e-3, "{direction}: {found}");
+        }
+        assert_eq!(harmonics(0), 0, "nothing is held where colours do not depend on it");
     }
 }

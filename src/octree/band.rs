@@ -69,6 +69,15 @@ impl BandScale {
         }
     }
 
+    /// The point at a place, world metres.
+    pub fn point(self, place: &BandPlace) -> Vec3 {
+        let along = |axis: usize| {
+            let low = (place.cell[axis] << self.log2_side) + i32::from(place.local[axis]);
+            (low as f32 + place.offset[axis]) * self.spacing_m()
+        };
+        Vec3::new(along(0), along(1), along(2))
+    }
+
     /// The vertex at a place in the block with these neighbours, whose own are below the side along
     /// each axis and whose upper neighbours' first ones are at the side; [`NO_VERTEX`] where a block is
     /// missing.

@@ -221,6 +221,9 @@ fn put_config(out: &mut Sections<'_>, config: &MapConfig) -> Result<()> {
     out.put_record(CONFIG, config)?;
     if config.has("radiance") {
         out.put_record(RADIANCE, &config.radiance)?;
+        if config.radiance.degree > 0 {
+            out.put_record(COLOR_DEGREE, &config.radiance.degree)?;
+        }
     }
     if config.has("language") {
         out.put_record(LANGUAGE, &config.language)?;
@@ -232,6 +235,9 @@ fn take_config(from: &mut Sections<'_>) -> Result<MapConfig> {
     let mut config: MapConfig = from.take_record(CONFIG)?;
     if config.has("radiance") {
         config.radiance = from.take_record(RADIANCE)?;
+        if from.tags().any(|tag| tag == COLOR_DEGREE) {
+            config.radiance.degree = from.take_record(COLOR_DEGREE)?;
+        }
     }
     if config.has("language") {
         config.language = from.take_record(LANGUAGE)?;
@@ -316,6 +322,9 @@ fn save_compact(view: &MapView, path: &Path) -> Result<()> {
     if view.config().has("radiance") {
         out.put_array(COLOR_CELLS, &state.color_cells)?;
         out.put_array(VIEW_TEXELS, &state.texels)?;
+        if view.config().radiance.degree > 0 {
+            out.put_array(VIEW_HARMONICS, &state.harmonics)?;
+        }
     }
     if view.config().has("language") {
         put_view_codes(&mut out, &state.codes)?;
@@ -340,6 +349,7 @@ fn take_texels(from: &mut Sections<'_>) -> Result<Vec<Texel>> {
 fn take_view(from: &mut Sections<'_>) -> Result<MapView> {
     let config = take_config(from)?;
     let has_color = config.has("radiance");
+    let has_harmonics = has_color && config.radiance.degree > 0;
     let has_viewpoints = from.tags().any(|tag| tag == VIEWPOINTS);
     let state = ViewState {
         record: from.take_record(VIEW)?,
@@ -352,6 +362,7 @@ fn take_view(from: &mut Sections<'_>) -> Result<MapView> {
         known: from.take_array(BRICK_KNOWN)?,
         color_cells: if has_color { from.take_array(COLOR_CELLS)? } else { Vec::new() },
         texels: if has_color { take_texels(from)? } else { Vec::new() },
+        harmonics: if has_harmonics { from.take_array(VIEW_HARMONICS)? } else { Vec::new() },
         viewpoints: if has_viewpoints { from.take_array(VIEWPOINTS)? } else { Vec::new() },
         codes: if config.has("language") { take_view_codes(from)? } else { Default::default() },
     };

@@ -13,6 +13,7 @@
 //! compares single pixels with the map, takes the gains.
 
 mod edges;
+mod harmonics;
 mod relief;
 mod stored;
 
@@ -22,8 +23,10 @@ use super::forget::Lost;
 use crate::config::MapConfig;
 use crate::frame::{ColorImage, Frame};
 use crate::geometry::Aabb;
+use crate::geometry::harmonics::Harmonics;
 use crate::octree::{Band, BandPlace, BandScale, Cell, NO_BLOCK, NO_VERTEX, sum_of_observed};
 
+use harmonics::{Around, ByDirection};
 use relief::Relief;
 pub use relief::{DISTANCE_STEP_M, SeenDistance};
 pub use stored::ColorState;
@@ -80,6 +83,8 @@ pub struct ColorField {
     seen: Vec<SeenColor>,
     /// Where the band is fine enough for one.
     relief: Option<Relief>,
+    /// Where colours depend on the direction.
+    by_direction: Option<ByDirection>,
     /// The frame that changed a block last.
     touched: Vec<u32>,
     /// Blocks that changed since [`ColorField::take_changed`].
@@ -88,11 +93,12 @@ pub struct ColorField {
 }
 
 impl ColorField {
-    /// What a block of `scale` takes, bytes.
-    pub fn block_bytes(scale: BandScale) -> usize {
+    /// What a block of `scale` takes with harmonics of degrees 1 to `degree`, bytes.
+    pub fn block_bytes(scale: BandScale, degree: u8) -> usize {
         Band::BLOCK_BYTES
             + scale.vertices() * size_of::<SeenColor>()
             + Relief::block_bytes(scale)
+            + ByDirection::block_bytes(scale, degree)
             + 4
     }
 
@@ -110,10 +116,17 @@ impl ColorField {
             stride,
             seen: Vec::new(),
             relief: log2_brick.filter(|_| Relief::suits(scale)).map(Relief::new),
+            by_direction: None,
             touched: Vec::new(),
             changed: Vec::new(),
             splats: Vec::new(),
         }
+    }
+
+    /// The same, with colours that depend on the direction by harmonics of degrees 1 to `degree`; 0: they
+    /// do not.
+    pub fn with_degree(self, degree: u8) -> Self {
+        Self { by_direction: (degree > 0).then(|| ByDirection::new(degree)), ..self }
     }
 
     /// The averages, by vertex of the band.
@@ -124,6 +137,24 @@ impl ColorField {
     /// The distances, by vertex of the band; empty where there is no relief.
     pub fn relief(&self) -> &[SeenDistance] {
         self.relief.as_ref().map_or(&[], Relief::seen)
+    }
+
+    /// The harmonics of a vertex: what they add to its colour, sRGB, along the mean of all directions, and
+    /// the coefficients of degree 1 and more; `None` where there are none.
+    pub fn harmonics(&self, row: u32) -> Option<(Vec3, &[[f32; 3]])> {
+        let (coefficients, mean) = self.by_direction.as_ref()?.of(row)?;
+        let terms = coefficients.iter().zip(mean.values());
+        Some((-terms.map(|(s, mean)| Vec3::from(*s) * *mean).sum::<Vec3>(), coefficients))
+    }
+
+    /// The harmonics along a direction, world axes, where colours depend on it.
+    pub fn harmonics_along(&self, direction: Vec3) -> Option<Harmonics> {
+        self.by_direction.as_ref().map(|by| by.along(direction))
+    }
+
+    /// What they add to the colour of a vertex.
+    pub fn added_along(&self, row: u32, harmonics: &Harmonics) -> Vec3 {
+        self.by_direction.as_ref().map_or(Vec3::ZERO, |by| by.added(row, harmonics))
     }
 
     /// Takes the distances of the frame in that [`ColorField::integrate`] saw last, at the vertices in
@@ -140,7 +171,8 @@ impl ColorField {
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        (self.band.blocks() * Self::block_bytes(self.band.scale)) as u64
+        let degree = self.by_direction.as_ref().map_or(0, ByDirection::degree);
+        (self.band.blocks() * Self::block_bytes(self.band.scale, degree)) as u64
     }
 
     /// Blocks of which vertices or neighbours changed since the last call, sorted.
@@ -161,8 +193,10 @@ impl ColorField {
         let Some(image) = &frame.color else { return Vec3::ONE };
         self.place(frame, image);
         let gain = self.gain();
-        self.seen.resize(self.band.rows(), SeenColor::default());
-        self.touched.resize(self.band.blocks(), 0);
+        self.grow();
+        if let Some(by) = &mut self.by_direction {
+            by.look(frame);
+        }
         let splats = std::mem::take(&mut self.splats);
         for splat in &splats {
             self.take(splat);
@@ -179,10 +213,22 @@ impl ColorField {
         gain
     }
 
+    /// Makes room for the blocks that are new.
+    fn grow(&mut self) {
+        self.seen.resize(self.band.rows(), SeenColor::default());
+        self.touched.resize(self.band.blocks(), 0);
+        if let Some(by) = &mut self.by_direction {
+            by.grow(&self.band);
+        }
+    }
+
     /// Forgets the colours of surfaces that are gone.
     pub(super) fn forget(&mut self, lost: &Lost) {
         for (block, rows) in lost.rows(&self.band) {
             for row in rows {
+                if let Some(by) = &mut self.by_direction {
+                    by.forget(row);
+                }
                 // Vertices of blocks that no frame has finished are beyond the end.
                 if let Some(seen) = self.seen.get_mut(row as usize) {
                     *seen = SeenColor::default();
@@ -213,8 +259,7 @@ impl ColorField {
     pub(super) fn paint(&mut self, point: Vec3, color: Vec3) {
         let place = self.band.scale.place(point);
         let Some(block) = self.band.hold(&place) else { return };
-        self.seen.resize(self.band.rows(), SeenColor::default());
-        self.touched.resize(self.band.blocks(), 0);
+        self.grow();
         if let Some(relief) = &mut self.relief {
             relief.grow(&self.band);
         }
@@ -223,6 +268,9 @@ impl ColorField {
             if row != NO_VERTEX {
                 self.seen[row as usize] =
                     SeenColor { color: color.to_array(), weight: PAINTED_WEIGHT };
+                if let Some(by) = &mut self.by_direction {
+                    by.forget(row);
+                }
             }
         }
         self.changed.extend(uppers.iter().filter(|block| **block != NO_BLOCK));
@@ -234,6 +282,15 @@ impl ColorField {
         let weights = splat.place.weights();
         let (sum, total) = sum_of_observed(&self.observed(&rows), &weights);
         let correction = (total > SHOWN_SHARE).then(|| splat.color - sum / total);
+        if let Some(by) = &mut self.by_direction {
+            let around =
+                rows.into_iter().zip(weights).filter(|(row, w)| *row != NO_VERTEX && *w > 0.0);
+            let around = around.map(|(row, weight)| {
+                let past = self.seen[row as usize].weight;
+                Around { row, weight, past, steps: past > CORRECTED_WEIGHT }
+            });
+            by.take(self.band.scale.point(&splat.place), correction, around);
+        }
         for (row, weight) in rows.into_iter().zip(weights).filter(|(row, _)| *row != NO_VERTEX) {
             let seen = &mut self.seen[row as usize];
             let average = splat.color - Vec3::from(seen.color);

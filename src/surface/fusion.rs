@@ -76,8 +76,10 @@ impl Surface {
             surfels: SurfelMap::new(config.surfel_size_m),
             evidence: Evidence::new(lattice.size_m(lattice.cell)),
             prior: PriorField::new(config.max_distance_m),
-            color: ColorField::scale(config)
-                .map(|scale| ColorField::new(scale, config.radiance.stride, log2_brick)),
+            color: ColorField::scale(config).map(|scale| {
+                ColorField::new(scale, config.radiance.stride, log2_brick)
+                    .with_degree(config.radiance.degree)
+            }),
             ringed: Vec::new(),
             bricks_planted: 0,
         }

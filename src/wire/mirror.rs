@@ -57,6 +57,9 @@ pub fn subscription_to_wire(asked: &Subscription) -> v1::SubscribeRequest {
 struct Settings {
     map: MapConfig,
     radiance: RadianceConfig,
+    /// Servers from before there was a choice do not say it.
+    #[serde(default)]
+    color_degree: u8,
     language: LanguageConfig,
 }
 
@@ -64,6 +67,7 @@ fn settings_to_wire(config: &MapConfig) -> Result<String> {
     let settings = Settings {
         map: config.clone(),
         radiance: config.radiance,
+        color_degree: config.radiance.degree,
         language: config.language.clone(),
     };
     serde_json::to_string(&settings)
@@ -71,8 +75,9 @@ fn settings_to_wire(config: &MapConfig) -> Result<String> {
 }
 
 fn settings_from_wire(text: &str) -> Result<MapConfig> {
-    let Settings { map, radiance, language } = serde_json::from_str(text)
+    let Settings { map, radiance, color_degree, language } = serde_json::from_str(text)
         .map_err(|e| Error::invalid("settings_json", format!("cannot be read: {e}")))?;
+    let radiance = RadianceConfig { degree: color_degree, ..radiance };
     MapConfig { radiance, language, ..map }.checked()
 }
 
@@ -178,12 +183,16 @@ mod tests {
     use crate::config::MapSettings;
     use crate::geometry::Aabb;
 
+    fn settings() -> MapSettings {
+        MapSettings { color_degree: 2, ..MapSettings::default() }
+    }
+
     fn head(from_epoch: Option<u64>) -> Head {
         Head {
             from_epoch,
             epoch: 9,
             newest_stamp_ns: -3,
-            config: Arc::new(MapConfig::from_settings(&MapSettings::default()).expect("settings")),
+            config: Arc::new(MapConfig::from_settings(&settings()).expect("settings")),
             root: Some(Root { node: 4, min: [-8, 0, 16], log2_size: 7 }),
             bounds: Some(Aabb { min: Vec3::splat(-0.1), max: Vec3::new(0.3, 4.0, 1e-3) }),
             slots: [1, 2, 3, 4, 5, 6, 7, 8],

@@ -2,10 +2,15 @@
 
 use glam::Vec3;
 
+use orenx::config::{MapConfig, MapSettings};
 use orenx::dataset::Dataset;
 use orenx::dataset::synthetic::Synthetic;
-use orenx::frame::Frame;
-use orenx::map::{Fields, MapView, Mapper, State};
+use orenx::frame::{ColorImage, Frame};
+use orenx::geometry::Region;
+use orenx::map::{
+    Camera, Channels, Clear, Edit, Fields, MapView, Mapper, RenderSettings, Renderer, State,
+    query_pool, render,
+};
 use orenx::storage;
 
 use super::{integrate, lite};
@@ -56,6 +61,98 @@ fn colours_are_those_that_were_seen_and_survive_a_file() {
         let same = said.iter().zip(&again).all(|(a, b)| a == b || (a.is_nan() && b.is_nan()));
         assert!(same, "compact: {compact}");
     }
+}
+
+/// A frame of the room whose surfaces all shine alike: their colour depends on the direction alone.
+fn shining(data: &Synthetic, index: usize) -> Frame {
+    let mut frame = data.load(index, true).unwrap();
+    let k = frame.intrinsics;
+    let eye = frame.world_from_camera.position_f32();
+    let pixels = (0..k.height).flat_map(|v| (0..k.width).map(move |u| (u, v)));
+    let rgb = pixels.flat_map(|(u, v)| {
+        let color = 0.5 + 0.4 * (frame.world_point(u, v, 1.0) - eye).normalize();
+        color.to_array().map(|c| (255.0 * c).round() as u8)
+    });
+    frame.color = Some(ColorImage { width: k.width, height: k.height, rgb: rgb.collect() });
+    frame
+}
+
+/// An image from a frame's place.
+fn image(view: &MapView, frame: &Frame, renderer: Renderer) -> Vec<Vec3> {
+    let camera =
+        Camera { world_from_camera: frame.world_from_camera, intrinsics: frame.intrinsics };
+    let settings = RenderSettings { renderer, ..RenderSettings::default() };
+    let (channels, pool) = (Channels { color: true, ..Channels::NONE }, query_pool(2).unwrap());
+    render(view, &camera, channels, &settings, &pool, &|| false).unwrap().color
+}
+
+#[test]
+fn colours_that_depend_on_the_direction_are_seen_in_images_and_survive_a_file() {
+    let data = Synthetic::room(40).with_width(96);
+    let between = shining(&Synthetic::room(80).with_width(96), 41);
+    let k = between.intrinsics;
+    let truth = between.color.as_ref().unwrap();
+    let truth: Vec<Vec3> = (0..k.height)
+        .flat_map(|v| (0..k.width).map(move |u| (u, v)))
+        .map(|(u, v)| truth.beside(u, v, k.width, k.height))
+        .collect();
+    let folder = tempfile::tempdir().unwrap();
+    let mut errors = Vec::new();
+    for color_degree in [0, 1, 3] {
+        let settings = MapSettings { steps: Some(0), color_degree, ..MapSettings::default() };
+        let mut mapper = Mapper::new(MapConfig::from_settings(&settings).unwrap()).unwrap();
+        for index in (0..40).chain(0..40) {
+            mapper.integrate(&shining(&data, index)).unwrap();
+        }
+        let view = mapper.publish();
+        let images = [Renderer::Tile, Renderer::Ray].map(|by| image(&view, &between, by));
+        errors.push(images.each_ref().map(|image| {
+            let painted = image.iter().zip(&truth).filter(|(shown, _)| **shown != Vec3::ZERO);
+            let all: Vec<f32> = painted.map(|(a, b)| (*a - *b).abs().element_sum() / 3.0).collect();
+            assert!(all.len() * 10 > image.len() * 9, "{} of {}", all.len(), image.len());
+            all.iter().sum::<f32>() / all.len() as f32
+        }));
+        let held = view.state().harmonics.len();
+        assert_eq!(held == 0, color_degree == 0, "nothing is held for nothing");
+        for compact in [false, true] {
+            let path = folder.path().join(format!("{color_degree}-{compact}"));
+            storage::save(&mut mapper, &path, compact).unwrap();
+            let again = storage::load_view(&path).unwrap();
+            assert_eq!(again.config().settings().color_degree, color_degree);
+            assert!(image(&again, &between, Renderer::Tile) == images[0], "compact: {compact}");
+        }
+        // What goes on from a file goes on as if it had not stopped.
+        let mut resumed =
+            storage::load(&folder.path().join(format!("{color_degree}-false"))).unwrap();
+        for mapper in [&mut mapper, &mut resumed] {
+            mapper.integrate(&shining(&data, 7)).unwrap();
+        }
+        let (a, b) = (mapper.publish().state(), resumed.publish().state());
+        assert!(a.texels == b.texels && a.harmonics == b.harmonics, "degree {color_degree}");
+    }
+    println!("{errors:?}");
+    for by in 0..2 {
+        assert!(errors[1..].iter().all(|error| error[by] < 0.6 * errors[0][by]), "{errors:?}");
+    }
+}
+
+/// What is painted by hand looks the same from all sides, and what is cleared is forgotten.
+#[test]
+fn edits_take_the_dependence_on_the_direction_away() {
+    let data = Synthetic::room(40).with_width(96);
+    let settings = MapSettings { steps: Some(0), color_degree: 2, ..MapSettings::default() };
+    let mut mapper = Mapper::new(MapConfig::from_settings(&settings).unwrap()).unwrap();
+    for index in (0..40).step_by(2) {
+        mapper.integrate(&shining(&data, index)).unwrap();
+    }
+    let held = |mapper: &mut Mapper| {
+        mapper.publish().state().harmonics.iter().filter(|by| **by != [0; 3]).count()
+    };
+    let before = held(&mut mapper);
+    let region = Some(Region::Sphere { center: Vec3::new(0.0, 0.0, 1.0), radius_m: 100.0 });
+    mapper.edit(&Edit::Clear(Clear { region, ..Clear::default() })).unwrap();
+    assert!(before > 1000, "{before}");
+    assert_eq!(held(&mut mapper), 0);
 }
 
 #[test]

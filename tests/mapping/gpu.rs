@@ -88,6 +88,19 @@ fn colored() -> MapSettings {
     MapSettings { color_rays: 512, steps: Some(2), ..MapSettings::default() }
 }
 
+/// Colours that depend on the direction are no matter of the GPU, but distances are.
+#[test]
+fn colours_that_depend_on_the_direction_are_trained_on_the_cpu_or_refused() {
+    let settings = MapSettings { color_degree: 1, ..colored() };
+    let mut mapper = Mapper::new(MapConfig::from_settings(&settings).unwrap()).unwrap();
+    let error = mapper.train_on(Trainer::of(BackendChoice::Gpu)).unwrap_err();
+    assert_eq!(error.field(), Some("backend"));
+    assert!(error.to_string().contains("color_degree"), "{error}");
+    mapper.train_on(Trainer::of(BackendChoice::Auto)).unwrap();
+    assert_eq!(mapper.adapter(), None);
+    self::mapper(BackendChoice::Gpu, &MapSettings { color_rays: 0, ..settings });
+}
+
 /// A frame of the room, painted with stripes: where a surface has one colour alone, what is left to
 /// learn is rounding.
 fn painted(index: usize) -> Frame {

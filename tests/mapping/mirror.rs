@@ -25,6 +25,7 @@ fn config(codes: CodeForm) -> MapConfig {
     let settings = MapSettings {
         modalities: ["sdf", "occupancy", "radiance", "language"].map(String::from).to_vec(),
         steps: Some(1),
+        color_degree: 2,
         codes,
         ..MapSettings::default()
     };
@@ -61,6 +62,7 @@ fn assert_same(copy: &MapView, view: &MapView) {
     let bytes = |rows| -> Vec<u8> { bytemuck::cast_slice(rows).to_vec() };
     assert!(bytes(&a.rows[..]) == bytes(&b.rows[..]), "rows");
     assert!(a.color_cells == b.color_cells && a.texels == b.texels, "colours");
+    assert!(a.harmonics == b.harmonics && !b.harmonics.is_empty(), "harmonics");
     assert_eq!(a.codes.learned, b.codes.learned);
     assert!(a.codes.cells == b.codes.cells && a.codes.codes == b.codes.codes, "codes");
     assert!(!b.viewpoints.is_empty() && a.viewpoints == b.viewpoints, "cameras");
@@ -172,7 +174,7 @@ fn what_does_not_fit_together_is_refused() {
     assert_eq!(other.changes(Some(&first), Copied::ALL).head().from_epoch, None);
 
     type Spoil = fn(&mut Head, &mut Vec<Part>);
-    let cases: [(&str, Spoil); 13] = [
+    let cases: [(&str, Spoil); 14] = [
         ("whole slots", |_, parts| parts[0].bytes.truncate(17)),
         ("whole slots", |_, parts| parts[0].slots.clear()),
         ("whole slots", |_, parts| parts[0].bytes.clear()),
@@ -181,6 +183,13 @@ fn what_does_not_fit_together_is_refused() {
         ("wrong length", |_, parts| {
             let length = parts[0].bytes.len() / 2;
             parts[0].bytes.truncate(length);
+        }),
+        ("wrong length", |_, parts| {
+            let part = parts.iter_mut().find(|part| part.table == Table::Colors).unwrap();
+            // The last block loses its last vertex.
+            let block = part.bytes.len() / part.slots.len();
+            part.slots.truncate(1);
+            part.bytes.truncate(block - 6 * 9);
         }),
         ("not told", |_, parts| parts.retain(|part| part.table != Table::Colors)),
         ("not told", |_, parts| parts.retain(|part| part.table != Table::Codes)),

@@ -11,6 +11,7 @@ use crate::config::{MapSettings, Prior, Profile, name_of};
 use crate::dataset::Noise;
 use crate::error::Result;
 use crate::eval::{FieldErrors, ImageErrors, Lpips, Truth, image_errors};
+use crate::geometry::harmonics::MAX_DEGREE;
 use crate::map::{MapView, RenderSettings, Renderer, SamplePosition, query_pool};
 
 /// The paper's levels (tab:noise_robustness), m and m per m.
@@ -37,11 +38,13 @@ struct Variant {
     prior: Prior,
     modalities: &'static [&'static str],
     trains: bool,
+    color_degree: u8,
 }
 
 impl Variant {
     /// Every modality, from the closed form, trained: the default.
-    const USUAL: Self = Self { prior: Prior::Closed, modalities: &[], trains: true };
+    const USUAL: Self =
+        Self { prior: Prior::Closed, modalities: &[], trains: true, color_degree: 0 };
 }
 
 /// A map that was made and judged.
@@ -82,6 +85,7 @@ impl<'a> Study<'a> {
             prior: variant.prior,
             modalities: variant.modalities.iter().map(|name| (*name).to_owned()).collect(),
             steps: if variant.trains { self.steps } else { Some(0) },
+            color_degree: variant.color_degree,
             ..MapSettings::default()
         };
         let (mut mapper, tally) = self.recording.map(&settings, noise)?;
@@ -141,7 +145,7 @@ impl<'a> Study<'a> {
         let mut variants = vec![("closed form alone".to_owned(), alone)];
         for (start, prior) in [("closed form", Prior::Closed), ("from zero", Prior::Learned)] {
             variants.extend(MODALITIES.map(|(name, modalities)| {
-                (format!("{start}, {name}"), Variant { prior, modalities, trains: true })
+                (format!("{start}, {name}"), Variant { prior, modalities, ..Variant::USUAL })
             }));
         }
         let mut rows = Vec::new();
@@ -165,6 +169,48 @@ impl<'a> Study<'a> {
             charted: 0..columns.len(),
             columns,
             rows,
+        }))
+    }
+
+    /// What colours that depend on the direction cost, and show. Nothing without unseen views.
+    pub(super) fn color(&mut self) -> Result<Option<Table>> {
+        let Some(novel) = &self.truth.novel else { return Ok(None) };
+        let mut rows = Vec::new();
+        for color_degree in 0..=MAX_DEGREE {
+            let name = match color_degree {
+                0 => "RGB".to_owned(),
+                degree => format!("SH{degree}"),
+            };
+            let made = self.make(&name, Variant { color_degree, ..Variant::USUAL }, None)?;
+            let (settings, lpips) = (RenderSettings::default(), self.lpips.as_ref());
+            let errors = image_errors(&made.view, novel, &settings, lpips, &self.pool)?;
+            let Some(errors) = errors else { return Ok(None) };
+            rows.push(Row::new(
+                &name,
+                vec![
+                    errors.psnr_covered,
+                    errors.ssim,
+                    errors.lpips.unwrap_or(f64::NAN),
+                    made.map_bytes as f64 * 1e-6,
+                    made.frames_per_second,
+                ],
+            ));
+        }
+        Ok(Some(Table {
+            file: "color",
+            title: "Colours from all sides",
+            note: "RGB is the same from all sides, SHn has spherical harmonics of degree 1 to n \
+                   (color_degree). Means over the unseen views; the map's memory, and frames/s end to \
+                   end, decoding included. The paper's tab:abl_rast.",
+            columns: vec![
+                Column::new("PSNR, dB", Better::Higher, 2),
+                Column::new("SSIM", Better::Higher, 4),
+                Column::new("LPIPS", Better::Lower, 4),
+                Column::new("map, MB", Better::Lower, 1),
+                Column::new("frames/s", Better::Higher, 1),
+            ],
+            rows,
+            charted: 0..1,
         }))
     }
 

@@ -7,6 +7,7 @@ use super::slots::{BlockSlot, NodeSlot};
 use super::{Copied, Head, Part, Table};
 use crate::map::pages::PageTable;
 use crate::map::view::{BLOCKS, BRICKS, MapView, NODES, NodePage, ROWS};
+use crate::modality::radiance;
 use crate::octree::NO_BLOCK;
 
 /// The way from one view to a later one.
@@ -134,19 +135,27 @@ impl Changes<'_> {
         let store = &self.view.store;
         let (new, old) = (&store.colors, self.old.map(|old| &old.store.colors));
         let vertices = store.band.vertices();
+        let width = vertices * radiance::harmonics(store.color_degree);
         changed(new, old, |at, page, before| {
             let blocks = (store.color_blocks - at * BLOCKS).min(BLOCKS);
             (0..blocks).filter(|_| !page.texels.is_empty()).try_for_each(|i| {
                 let range = i * vertices..(i + 1) * vertices;
                 let (cell, uppers) = (page.cells[i], page.uppers[i]);
                 let texels = &page.texels[range.clone()];
+                let by_direction = i * width..(i + 1) * width;
+                let harmonics = &page.harmonics[by_direction.clone()];
                 let is_same = (cell, uppers) == (before.cells[i], before.uppers[i])
-                    && before.texels.get(range) == Some(texels);
+                    && before.texels.get(range) == Some(texels)
+                    && before.harmonics.get(by_direction) == Some(harmonics);
                 if is_same {
                     return ControlFlow::Continue(());
                 }
                 let head = BlockSlot { cell, uppers };
-                let slot = [bytemuck::bytes_of(&head), bytemuck::cast_slice(texels)];
+                let slot = [
+                    bytemuck::bytes_of(&head),
+                    bytemuck::cast_slice(texels),
+                    bytemuck::cast_slice(harmonics),
+                ];
                 parts.push(at * BLOCKS + i, &slot)
             })
         })?;

@@ -9,7 +9,7 @@ use super::{Head, Part, Table};
 use crate::error::{Error, Result};
 use crate::map::language::Viewpoint;
 use crate::map::view::{BLOCKS, BRICKS, ColorPage, MapView, NODES, Node, ROWS, Store};
-use crate::modality::radiance::Texel;
+use crate::modality::radiance::{self, Harmonic, Texel};
 use crate::modality::{Decoders, Row, occupancy, sdf};
 use crate::octree::{Cell, LIMIT, NO_BLOCK, NO_NODE, NO_ROW};
 use crate::surface::Known;
@@ -179,13 +179,19 @@ impl Copying {
     }
 
     fn color(&mut self, slot: usize, bytes: &[u8]) -> Result<()> {
-        let vertices = self.store.band.vertices();
+        let (vertices, degree) = (self.store.band.vertices(), self.store.color_degree);
+        let width = vertices * radiance::harmonics(degree);
         let (head, values) = block(bytes, self.head.count(Table::Colors))?;
+        let (texels, harmonics) = values
+            .split_at_checked(vertices * size_of::<Texel>())
+            .ok_or_else(|| damaged("a slot has the wrong length"))?;
         let page = self.store.colors.write(slot / BLOCKS);
         page.texels.resize(BLOCKS * vertices, Texel::default());
+        page.harmonics.resize(BLOCKS * width, Harmonic::default());
         let i = slot % BLOCKS;
         (page.cells[i], page.uppers[i]) = (head.cell, head.uppers);
-        fill(&mut page.texels[i * vertices..(i + 1) * vertices], values)
+        fill(&mut page.texels[i * vertices..(i + 1) * vertices], texels)?;
+        fill(&mut page.harmonics[i * width..(i + 1) * width], harmonics)
     }
 
     fn code(&mut self, slot: usize, bytes: &[u8]) -> Result<()> {

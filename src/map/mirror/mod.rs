@@ -29,7 +29,8 @@ pub enum Table {
     Rows,
     /// Bricks of evidence: a bit a cell.
     Bricks,
-    /// Blocks of colours: cell i32×3, upper neighbours u32×8, logits and a mark i16×4 a vertex.
+    /// Blocks of colours: cell i32×3, upper neighbours u32×8, logits and a distance i16×4 a vertex, and
+    /// where colours depend on the direction i16×3 a harmonic of a vertex.
     Colors,
     /// Blocks of codes: cell i32×3, upper neighbours u32×8, ‖c‖² f32 and the code a vertex, as wide as
     /// the dictionary.

@@ -18,6 +18,7 @@ use crate::map::language::Scorer;
 use crate::map::view::{
     BLOCKS, BRICKS, BrickPage, ColorPage, MapView, NODES, NodePage, ROWS, RowPage, Store,
 };
+use crate::modality::radiance::TexelSource;
 use crate::surface::Lattice;
 
 /// Maps that are held on the GPU at a time; the one that was not drawn for longest gives way.
@@ -95,7 +96,8 @@ impl Painter {
         self.renderer.adapter()
     }
 
-    /// Draws a view, as [`super::render_with`] does; by rays on the CPU. `None` if `interrupted`.
+    /// Draws a view, as [`super::render_with`] does; by rays, and colours that depend on the direction,
+    /// on the CPU. `None` if `interrupted`.
     pub fn render(
         &mut self,
         subject: &Subject<'_>,
@@ -103,7 +105,8 @@ impl Painter {
         interrupted: &(dyn Fn() -> bool + Sync),
     ) -> Result<Painted> {
         let Subject { view, camera, channels, settings, text } = *subject;
-        if settings.renderer == Renderer::Ray {
+        let by_direction = channels.color && view.store.degree() > 0;
+        if settings.renderer == Renderer::Ray || by_direction {
             let image = render_with(view, camera, channels, settings, text, pool, interrupted);
             return Ok((image, Times::new()));
         }

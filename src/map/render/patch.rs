@@ -86,8 +86,8 @@ impl Paint {
         let rim = Vec3::splat(RIM * spot.size_m);
         let at = eye + spot.direction * spot.t;
         let inside = at.clamp(spot.low_m + rim, spot.low_m + spot.size_m - rim);
-        let ray = (at, spot.direction);
-        self.take(store, ray, store.color(spot.node, inside), weight);
+        let color = store.color_along(spot.node, inside, spot.direction);
+        self.take(store, (at, spot.direction), color, weight);
     }
 
     /// Takes the colour at a place of a ray with this direction; where there is none, one beside it.
@@ -124,7 +124,7 @@ fn beside(store: &Store, at: Vec3, direction: Vec3) -> Option<Vec3> {
         (1..=steps).flat_map(|n| ways.into_iter().flat_map(move |way| [(n, way), (-n, way)]));
     places.map(|(n, way)| at + way * (spacing * n as f32)).find_map(|point| {
         let voxel = lookup.find(point);
-        if voxel.is_some() { store.color(voxel.node, point) } else { None }
+        if voxel.is_some() { store.color_along(voxel.node, point, direction) } else { None }
     })
 }
 

@@ -72,8 +72,8 @@ pub(super) fn states() -> Schema {
 }
 
 pub(super) fn colors() -> Schema {
-    let text = "[r, g, b] of the surface close by, sRGB within 0..1; three nulls where none was seen \
-                with a color, whatever the unknown_policy.";
+    let text = "[r, g, b] of the surface close by, in the mean over the directions that it was seen \
+                along, sRGB within 0..1; three nulls where none was seen with a color, whatever the unknown_policy.";
     list(three(number(&[Type::Null]))).description(Some(text)).into()
 }
 

@@ -56,6 +56,9 @@ pub(super) fn put_surface<'a>(out: &mut Sections<'a>, state: &'a SurfaceState<'_
         out.put_array(COLOR_CELLS, &color.cells)?;
         out.put_array(COLOR_SEEN, &color.seen)?;
         out.put_array(RELIEF, &color.relief)?;
+        if !color.by_direction.is_empty() {
+            out.put_array(COLOR_HARMONICS, &color.by_direction)?;
+        }
     }
     Ok(())
 }
@@ -81,11 +84,17 @@ pub(super) fn take_surface(
     has_one_robot: bool,
 ) -> Result<SurfaceState<'static>> {
     let color = if config.has("radiance") {
-        let has_relief = from.tags().any(|tag| tag == RELIEF);
+        let has = |tag: Tag| from.tags().any(|own| own == tag);
+        let (has_relief, has_harmonics) = (has(RELIEF), has(COLOR_HARMONICS));
         Some(ColorState {
             cells: owned(from, COLOR_CELLS)?,
             seen: owned(from, COLOR_SEEN)?,
             relief: if has_relief { owned(from, RELIEF)? } else { Cow::default() },
+            by_direction: if has_harmonics {
+                owned(from, COLOR_HARMONICS)?
+            } else {
+                Cow::default()
+            },
         })
     } else {
         None

@@ -65,6 +65,10 @@ pub(super) const RELIEF: Tag = Tag(*b"crel");
 /// Of files from before that; colours alone.
 pub(super) const VIEW_COLORS: Tag = Tag(*b"VTEX");
 pub(super) const VIEW_TEXELS: Tag = Tag(*b"vtex");
+/// Absent where colours are the same from all sides, and in files from before they could be others.
+pub(super) const COLOR_DEGREE: Tag = Tag(*b"cdeg");
+pub(super) const COLOR_HARMONICS: Tag = Tag(*b"char");
+pub(super) const VIEW_HARMONICS: Tag = Tag(*b"vhar");
 pub(super) const LANGUAGE: Tag = Tag(*b"LCON");
 pub(super) const DICTIONARY: Tag = Tag(*b"LDIC");
 pub(super) const ATOMS: Tag = Tag(*b"LATM");
@@ -80,7 +84,7 @@ pub(super) const VIEWPOINTS: Tag = Tag(*b"vpts");
 pub(super) const VIEW: Tag = Tag(*b"VIEW");
 pub(super) const VIEW_ROWS: Tag = Tag(*b"VROW");
 
-pub(super) const ALL: [Tag; 71] = [
+pub(super) const ALL: [Tag; 74] = [
     KIND,
     CONFIG,
     PROGRESS,
@@ -139,6 +143,9 @@ pub(super) const ALL: [Tag; 71] = [
     RELIEF,
     VIEW_COLORS,
     VIEW_TEXELS,
+    COLOR_DEGREE,
+    COLOR_HARMONICS,
+    VIEW_HARMONICS,
     LANGUAGE,
     DICTIONARY,
     ATOMS,

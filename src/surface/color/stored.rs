@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::{ColorField, SeenColor, SeenDistance};
+use super::{ByDirection, ColorField, SeenColor, SeenDistance};
 use crate::error::{Error, Result};
 use crate::octree::{Band, Cell};
 
@@ -14,6 +14,8 @@ pub struct ColorState<'a> {
     pub seen: Cow<'a, [SeenColor]>,
     /// Empty where the band has none.
     pub relief: Cow<'a, [SeenDistance]>,
+    /// What is known of the dependence on the direction; empty where there is none.
+    pub by_direction: Cow<'a, [f32]>,
 }
 
 impl ColorField {
@@ -23,6 +25,7 @@ impl ColorField {
             cells: Cow::Borrowed(self.band.cells()),
             seen: Cow::Borrowed(&self.seen),
             relief: Cow::Borrowed(self.relief()),
+            by_direction: Cow::Borrowed(self.by_direction.as_ref().map_or(&[], ByDirection::seen)),
         }
     }
 
@@ -35,6 +38,11 @@ impl ColorField {
         }
         if let Some(relief) = &mut self.relief
             && !relief.fill(state.relief.into_owned(), &self.band)
+        {
+            return Err(damaged());
+        }
+        if let Some(by) = &mut self.by_direction
+            && !by.fill(state.by_direction.into_owned(), &self.band)
         {
             return Err(damaged());
         }

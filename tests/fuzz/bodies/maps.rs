@@ -96,10 +96,14 @@ fn files() -> Vec<Vec<u8>> {
     };
     let frames = [scene::frame(10)];
     let few = orenx::config::MapSettings { modalities: vec!["sdf".into()], ..scene::settings() };
+    let shining = orenx::config::MapSettings { color_degree: 1, ..scene::settings() };
     let mut all = Vec::new();
-    for (settings, frames) in
-        [(scene::settings(), &frames[..]), (few, &frames[..]), (scene::settings(), &[])]
-    {
+    for (settings, frames) in [
+        (scene::settings(), &frames[..]),
+        (few, &frames[..]),
+        (shining, &frames[..]),
+        (scene::settings(), &[]),
+    ] {
         let mut mapper = scene::map(&settings, frames);
         let mark = Mark { journal: 7, position: 1 };
         all.push(bytes(&|path| save_marked(&mapper, mark, path)));

@@ -53,7 +53,8 @@ fn follow(input: &[u8]) -> Result<()> {
 }
 
 fn seeds() -> Vec<Vec<u8>> {
-    let mut mapper = scene::map(&scene::settings(), &[scene::frame(10)]);
+    let settings = orenx::config::MapSettings { color_degree: 1, ..scene::settings() };
+    let mut mapper = scene::map(&settings, &[scene::frame(10)]);
     let first = mapper.publish_all().unwrap();
     mapper.integrate(&scene::frame(60)).unwrap();
     let second = mapper.publish_all().unwrap();

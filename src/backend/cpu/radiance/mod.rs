@@ -57,6 +57,10 @@ struct Source {
     rows: [u32; 8],
     /// Shares of the logits; 0 where a vertex was not observed.
     shares: [f32; 8],
+    /// The colour of the logits alone, and by channel 1, or 0 where what harmonics add to it leaves
+    /// 0..1, so that the logits have no say.
+    base: Vec3,
+    open: Vec3,
 }
 
 impl Radiance {
@@ -256,9 +260,8 @@ impl Compare<'_> {
             by_f.resize(pieces.len(), [0.0; 2]);
             let found = (&shares[..], &shades[..]);
             backward(self.sharpness, pieces, found, by_mixed, &mut by_colors, &mut by_f);
-            for ((by, shade), source) in by_colors.iter().zip(&shades).zip(&sources) {
-                let shade: &Shade = shade;
-                source.scatter(*by * shade.color * (1.0 - shade.color), &mut out.by_rows);
+            for (by, source) in by_colors.iter().zip(&sources) {
+                source.scatter(*by, &mut out.by_rows);
             }
             for (piece, by) in by_f.iter().enumerate() {
                 for (end, &by) in by.iter().enumerate() {
@@ -292,7 +295,7 @@ impl Compare<'_> {
         });
     }
 
-    /// The colour at a place on a ray: that of [`crate::modality::radiance::color`].
+    /// The colour at a place on a ray: that of [`crate::modality::radiance::color_along`].
     fn color(&self, ray: &ColorRay, t: f32) -> Option<(Shade, Source)> {
         let scale = self.field.band.scale;
         let place = scale.place(ray.origin + ray.direction * t);
@@ -304,22 +307,53 @@ impl Compare<'_> {
         });
         let weights = place.weights();
         let slopes = place.slopes(ray.direction * (1.0 / scale.spacing_m()));
-        let (sum, total) = sum_of_observed(&observed, &weights);
-        let (sum_along, total_along) = sum_of_observed(&observed, &slopes);
+        let Blend { value, along, total } = Blend::of(&observed, &weights, &slopes)?;
+        let base = sigmoid(value);
+        let mut shade = Shade { color: base, along: along * base * (1.0 - base) };
+        let mut open = Vec3::ONE;
+        if let Some(harmonics) = self.field.harmonics_along(ray.direction) {
+            let added: [_; 8] = std::array::from_fn(|k| {
+                observed[k].map(|_| self.field.added_along(rows[k], &harmonics))
+            });
+            let Blend { value, along, .. } = Blend::of(&added, &weights, &slopes)?;
+            let color = base + value;
+            let is_open = color.cmpge(Vec3::ZERO) & color.cmple(Vec3::ONE);
+            open = Vec3::select(is_open, Vec3::ONE, Vec3::ZERO);
+            let along = (shade.along + along) * open;
+            shade = Shade { color: color.clamp(Vec3::ZERO, Vec3::ONE), along };
+        }
+        let share = |k: usize| observed[k].map_or(0.0, |_| weights[k] / total);
+        Some((shade, Source { rows, shares: std::array::from_fn(share), base, open }))
+    }
+}
+
+/// What vertices give at a place of a ray.
+struct Blend {
+    value: Vec3,
+    /// ∂/∂t.
+    along: Vec3,
+    /// The weights of those that were observed.
+    total: f32,
+}
+
+impl Blend {
+    /// Of values with these weights, which change along the ray with these slopes; `None` where no
+    /// vertex has one.
+    fn of(values: &[Option<Vec3>; 8], weights: &[f32; 8], slopes: &[f32; 8]) -> Option<Self> {
+        let (sum, total) = sum_of_observed(values, weights);
+        let (sum_along, total_along) = sum_of_observed(values, slopes);
         if total <= 0.0 {
             return None;
         }
-        let p = sum / total;
-        let along = (sum_along - p * total_along) / total;
-        let color = sigmoid(p);
-        let shade = Shade { color, along: along * color * (1.0 - color) };
-        let share = |k: usize| observed[k].map_or(0.0, |_| weights[k] / total);
-        Some((shade, Source { rows, shares: std::array::from_fn(share) }))
+        let value = sum / total;
+        Some(Self { value, along: (sum_along - value * total_along) / total, total })
     }
 }
 
 impl Source {
-    fn scatter(&self, by_logits: Vec3, by_rows: &mut Vec<(u32, [f32; 3])>) {
+    /// Adds the derivatives by logits, from those by the colour.
+    fn scatter(&self, by_color: Vec3, by_rows: &mut Vec<(u32, [f32; 3])>) {
+        let by_logits = by_color * self.open * self.base * (1.0 - self.base);
         for (row, share) in self.rows.iter().zip(self.shares) {
             if share > 0.0 {
                 by_rows.push((*row, (by_logits * share).to_array()));

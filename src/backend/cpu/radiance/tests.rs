@@ -27,9 +27,35 @@ pub(in crate::backend) fn painted(color: impl Fn(Vec3) -> Vec3) -> ColorField {
             seen.push(SeenColor { color: color(at).to_array(), weight: 1.0 });
         }
     }
-    let state =
-        ColorState { cells: Cow::Borrowed(&cells), seen: Cow::Owned(seen), relief: Cow::default() };
-    ColorField::new(SCALE, 1, None).with_state(state).expect("blocks and vertices")
+    with_harmonics(0, &cells, seen, Vec::new())
+}
+
+fn with_harmonics(
+    degree: u8,
+    cells: &[Cell],
+    seen: Vec<SeenColor>,
+    by_direction: Vec<f32>,
+) -> ColorField {
+    let state = ColorState {
+        cells: Cow::Borrowed(cells),
+        seen: Cow::Owned(seen),
+        relief: Cow::default(),
+        by_direction: Cow::Owned(by_direction),
+    };
+    let field = ColorField::new(SCALE, 1, None).with_degree(degree);
+    field.with_state(state).expect("blocks and vertices")
+}
+
+/// A painted band with harmonics of some degree, uneven from vertex to vertex.
+fn shining(degree: u8) -> ColorField {
+    let field = painted(stripes);
+    let terms = crate::geometry::harmonics::terms(degree);
+    let vertex = |row: usize| {
+        let mean = [0.1, -0.2, -0.9, 1.0].into_iter();
+        mean.chain((0..3 * terms).map(move |i| 0.12 * random(row as u32, i)[0]))
+    };
+    let by_direction = (0..field.band.rows()).flat_map(vertex).collect();
+    with_harmonics(degree, field.band.cells(), field.seen().to_vec(), by_direction)
 }
 
 /// Stripes across x and y, about as fine as the vertices can hold.
@@ -140,15 +166,20 @@ pub(in crate::backend) fn uneven_backend(profile: Profile, rows: usize) -> CpuBa
 
 #[test]
 fn gradients_are_central_differences() {
-    let (tree, field) = (plane(0.01), painted(stripes));
+    gradients_are_differences(&painted(stripes));
+    gradients_are_differences(&shining(2));
+}
+
+fn gradients_are_differences(field: &ColorField) {
+    let tree = plane(0.01);
     let mut backend = uneven_backend(Profile::Lite, tree.rows.len());
     // Far from every colour, so that no difference changes its sign.
     let rays = rays(24, |_| Vec3::new(2.0, -1.0, 2.0));
     let radiance = RadianceParameters { weight: 100.0, ..radiance(0.0, 80.0) };
     let loss = |backend: &mut CpuBackend| {
-        f64::from(radiance.weight) * compare(backend, &tree, &field, &rays, &radiance).0
+        f64::from(radiance.weight) * compare(backend, &tree, field, &rays, &radiance).0
     };
-    let (_, batch) = compare(&mut backend, &tree, &field, &rays, &radiance);
+    let (_, batch) = compare(&mut backend, &tree, field, &rays, &radiance);
     let host = Host { nodes: &tree, prior: &tree.prior };
     let report = backend.accumulate(&host, &batch, &parameters(Stencil::Forward)).expect("valid");
     assert_eq!(report.losses.total, 0.0, "they pay no loss of their own");
@@ -199,6 +230,41 @@ fn gradients_are_central_differences() {
         check("weight", *found, &mut difference, 1e-3);
     }
     assert!(compared > 20, "only {compared} gradients were not small");
+}
+
+/// By the logits of vertices, with harmonics beside them and where these leave the range of colours.
+#[test]
+fn gradients_of_logits_are_central_differences() {
+    let tree = plane(0.01);
+    for field in [painted(stripes), shining(1), shining(3)] {
+        let mut backend = uneven_backend(Profile::Lite, tree.rows.len());
+        let rays = rays(24, |_| Vec3::new(2.0, -1.0, 2.0));
+        let radiance = radiance(0.0, 80.0);
+        let found = found(&mut backend, &tree, &field, &rays, &radiance);
+        let mut compared = 0;
+        for (row, by) in found.by_rows.iter().step_by(5) {
+            for channel in 0..3 {
+                let mut loss = |step: f32| {
+                    let value = &mut backend.radiance.rows.state.learned[*row as usize][channel];
+                    let before = std::mem::replace(value, *value + step);
+                    let host = Host { nodes: &tree, prior: &tree.prior };
+                    let p = parameters(Stencil::Forward);
+                    let (_, all) = backend.compared(&host, &field, &rays, &p, &radiance);
+                    backend.radiance.rows.state.learned[*row as usize][channel] = before;
+                    3.0 * all.loss
+                };
+                let step = 1e-2;
+                let (low, middle, high) = (loss(-step), loss(0.0), loss(step));
+                let kink =
+                    ((high - middle) - (middle - low)).abs() > 0.02 * (high - low).abs() + 1e-6;
+                let expected = (high - low) / f64::from(2.0 * step);
+                let error = (f64::from(by[channel]) - expected).abs();
+                assert!(kink || error < 1e-3 + 0.02 * expected.abs(), "{row}: {by:?} {expected}");
+                compared += usize::from(!kink && expected.abs() > 5e-3);
+            }
+        }
+        assert!(compared > 20, "only {compared} gradients were not small");
+    }
 }
 
 #[test]

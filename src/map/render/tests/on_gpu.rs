@@ -99,7 +99,10 @@ fn assert_same(name: &str, gpu: &Rendering, cpu: &Rendering) -> Apart {
 
 /// A map of the synthetic room after some frames, and views from between them.
 fn mapped(profile: Profile, frames: usize) -> (Mapper, Vec<Camera>) {
-    let settings = MapSettings { profile, ..MapSettings::default() };
+    mapped_with(MapSettings { profile, ..MapSettings::default() }, frames)
+}
+
+fn mapped_with(settings: MapSettings, frames: usize) -> (Mapper, Vec<Camera>) {
     let config = MapConfig::from_settings(&settings).expect("good");
     let mut mapper = Mapper::new(config).expect("an empty map");
     let room = Synthetic::room(60).with_width(96);
@@ -194,6 +197,17 @@ fn what_changes_from_epoch_to_epoch_is_drawn() {
         assert!(paint(&mut painter(), &view, &cameras[1]) == image, "epoch {index}");
         assert!(image != before);
     }
+}
+
+#[test]
+fn colours_that_depend_on_the_direction_are_drawn_by_the_cpu() {
+    let settings = MapSettings { color_degree: 1, ..MapSettings::default() };
+    let (mut mapper, cameras) = mapped_with(settings, 3);
+    let view = mapper.publish_all().expect("a view");
+    let mut painter = painter();
+    let image = paint(&mut painter, &view, &cameras[1]);
+    assert!(image == draw(&view, &cameras[1], Renderer::Tile), "bit for bit");
+    assert_eq!(painter.held(), 0, "the GPU was not told of it");
 }
 
 #[test]
