@@ -73,6 +73,6 @@ pub fn judge(view: &MapView, truth: &Truth) -> Result<Report> {
     let pool = query_pool(0)?;
     let query = |points: &[_], fields| view.query(points, fields);
     let resolution_m = default_resolution_m(view.config().r0_m);
-    let mesh = || extract_mesh(&query, &view.surface_leaves(), resolution_m, &pool);
+    let mesh = || extract_mesh(view, &view.surface_leaves(), resolution_m, &pool);
     evaluate(truth, &query, mesh, &pool)
 }

@@ -35,12 +35,12 @@ impl MeshArgs {
         let pool = query_pool(0)?;
         let resolution_m =
             self.resolution.unwrap_or_else(|| default_resolution_m(view.config().r0_m));
-        let query = |points: &[_], fields| view.query(points, fields);
-        let mesh = extract_mesh(&query, &view.surface_leaves(), resolution_m, &pool)?;
+        let mesh = extract_mesh(&*view, &view.surface_leaves(), resolution_m, &pool)?;
         if mesh.triangles.is_empty() {
             let map = self.map.display();
             return Err(Error::FailedPrecondition(format!("{map} holds no surface")).into());
         }
+        let query = |points: &[_], fields| view.query(points, fields);
         let ask = |points: &[_], fields: Fields| query_parallel(&query, points, fields, &pool);
         let colors = vertex_colors(&ask, &mesh.vertices);
         let colors: Vec<_> = colors.into_iter().map(|color| color.unwrap_or(UNSEEN)).collect();

@@ -35,7 +35,7 @@ pub use language::{
 };
 pub use mapper::{FrameOutcome, MapStats, Mapper};
 pub use mesh::{
-    Detail, MeshFormat, MeshPart, PieceKey, PieceTable, TriangleMesh, WholeMesh,
+    Detail, MeshFormat, MeshPart, MeshSource, PieceKey, PieceTable, TriangleMesh, WholeMesh,
     default_resolution_m, extract_mesh, packed_piece, piece_size_m, vertex_colors,
 };
 pub use mirror::{Changes, Copied, Copying, Head, Part, Table};

@@ -153,6 +153,14 @@ impl MapView {
         columns.finish()
     }
 
+    /// Distances as the field goes on, also of unknown points; NaN where there is no voxel.
+    pub(super) fn distances(&self, points: &[Vec3]) -> Vec<f32> {
+        let mut distance = vec![f32::NAN; points.len()];
+        let answers = Answers { distance: &mut distance, ..Answers::default() };
+        evaluate(&self.store, &self.decoders, points, answers);
+        distance
+    }
+
     /// log2 of the largest voxels whose small distances count as known: those that surfaces ask
     /// for. A coarse voxel only holds small distances by interpolation. With a learned prior
     /// every distance starts small, so that none counts.

@@ -10,6 +10,7 @@ mod gpu; // the GPU backend makes the map that the CPU backend makes
 mod grids; // regular points, as any others
 mod images; // drawn by tiles and by rays, against what a camera sees
 mod language; // features become codes that texts find
+mod meshes; // a wall that was seen everywhere has a surface everywhere
 mod mirror; // a copy of a view that follows it
 mod moved; // what is gone is gone
 mod variants; // learned prior, fewer modalities

@@ -36,8 +36,7 @@ fn share(view: &MapView, points: &[Vec3], wanted: State) -> f32 {
 /// Vertices of the mesh in a cube.
 fn surface_in(view: &MapView, centre: Vec3, edge: f32) -> usize {
     let pool = query_pool(1).unwrap();
-    let query = |points: &[Vec3], fields| view.query(points, fields);
-    let mesh = extract_mesh(&query, &view.surface_leaves(), 0.04, &pool).unwrap();
+    let mesh = extract_mesh(view, &view.surface_leaves(), 0.04, &pool).unwrap();
     let within = |v: &&Vec3| (**v - centre).abs().max_element() < 0.5 * edge;
     mesh.vertices.iter().filter(within).count()
 }

@@ -10,8 +10,9 @@ use super::cases::{CaseTable, EDGES, Loop, share_face};
 use super::lattice::{BLOCK_CELLS, BLOCK_CORNERS, Block, blocks, each_between, position};
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
-use crate::map::parallel::{PointQuery, query_parallel};
+use crate::map::parallel::query_parallel;
 use crate::map::query::{Fields, PointAnswers};
+use crate::map::view::MapView;
 
 /// Blocks whose triangles are held before they are merged.
 const BLOCKS_AT_ONCE: usize = 64;
@@ -29,13 +30,33 @@ pub fn default_resolution_m(r0_m: f32) -> f32 {
     (r0_m / 5.0).clamp(0.01, 0.05)
 }
 
+/// What a mesh is made of: a view, or a closed form in tests.
+pub trait MeshSource: Sync {
+    /// Distances as the field goes on, known or not, m; NaN where there is none. The far corner of a
+    /// cell may lie deeper behind a surface than anything is known.
+    fn field(&self, points: &[Vec3]) -> Vec<f32>;
+
+    /// What is known, as [`MapView::query`] says it.
+    fn query(&self, points: &[Vec3], fields: Fields) -> PointAnswers;
+}
+
+impl MeshSource for MapView {
+    fn field(&self, points: &[Vec3]) -> Vec<f32> {
+        self.distances(points)
+    }
+
+    fn query(&self, points: &[Vec3], fields: Fields) -> PointAnswers {
+        self.query(points, fields)
+    }
+}
+
 /// The surface inside `leaves` (boxes that may hold it), with vertices on the lines of a lattice of
-/// `resolution_m`. Cells with an unknown corner make no surface, so the mesh ends where the map does.
+/// `resolution_m`. Triangles with an unknown vertex are left out, so the mesh ends where the map does.
 ///
 /// The mesh is a manifold: every edge has two triangles, or one at the rim. Triangles are
 /// counter-clockwise and normals point towards positive distance.
 pub fn extract_mesh(
-    query: &impl PointQuery,
+    source: &impl MeshSource,
     leaves: &[Aabb],
     resolution_m: f32,
     pool: &ThreadPool,
@@ -50,27 +71,28 @@ pub fn extract_mesh(
     let mut merged = Merged::default();
     for group in blocks(leaves, resolution_m)?.chunks(BLOCKS_AT_ONCE) {
         let patches: Vec<Patch> = pool.install(|| {
-            group.par_iter().map(|block| patch(query, block, resolution_m, &table)).collect()
+            group.par_iter().map(|block| patch(source, block, resolution_m, &table)).collect()
         });
         patches.into_iter().for_each(|patch| merged.add(patch));
     }
-    let ask = |points: &[Vec3], fields| query_parallel(query, points, fields, pool);
+    let query = |points: &[Vec3], fields| source.query(points, fields);
+    let ask = |points: &[Vec3], fields| query_parallel(&query, points, fields, pool);
     Ok(finished(merged, resolution_m, ask))
 }
 
 /// A part of the same surface, on the calling thread: what lies in other leaves is left out, and on
 /// the border between two parts both have the same vertices, to the bit.
 pub(super) fn extract_part(
-    query: &impl PointQuery,
+    source: &impl MeshSource,
     leaves: &[Aabb],
     resolution_m: f32,
 ) -> Result<TriangleMesh> {
     let table = CaseTable::new();
     let mut merged = Merged::default();
     for block in blocks(leaves, resolution_m)? {
-        merged.add(patch(query, &block, resolution_m, &table));
+        merged.add(patch(source, &block, resolution_m, &table));
     }
-    Ok(finished(merged, resolution_m, query))
+    Ok(finished(merged, resolution_m, |points, fields| source.query(points, fields)))
 }
 
 /// The mesh of all patches; `ask` answers points.
@@ -81,7 +103,7 @@ fn finished(
 ) -> TriangleMesh {
     let (vertices, gradients) = refine(&merged.crossings, resolution_m, ask);
     let mut mesh = TriangleMesh { vertices, normals: gradients, triangles: merged.triangles };
-    drop_jumps(&mut mesh);
+    drop_doubtful(&mut mesh);
     normalise(&mut mesh);
     mesh
 }
@@ -144,7 +166,7 @@ impl Merged {
     }
 }
 
-/// One block's corners: distances, NaN where not asked or unknown.
+/// One block's corners: distances, NaN where not asked or without a field.
 struct Corners(Vec<f32>);
 
 /// The row of a corner in block coordinates.
@@ -156,9 +178,9 @@ fn corner_offset(corner: u8) -> IVec3 {
     IVec3::new(i32::from(corner & 1), i32::from(corner >> 1 & 1), i32::from(corner >> 2))
 }
 
-fn patch(query: &impl PointQuery, block: &Block, resolution_m: f32, table: &CaseTable) -> Patch {
+fn patch(source: &impl MeshSource, block: &Block, resolution_m: f32, table: &CaseTable) -> Patch {
     let cells = marked_cells(block);
-    let corners = evaluate_corners(query, block, &cells, resolution_m);
+    let corners = evaluate_corners(source, block, &cells, resolution_m);
     let mut patch = Patch::default();
     // Vertex of each edge by (low corner, axis).
     let mut vertices: FxHashMap<(usize, usize), u32> = FxHashMap::default();
@@ -206,7 +228,7 @@ fn marked_cells(block: &Block) -> Vec<IVec3> {
 
 /// Asks for the distance at each corner of the marked cells once.
 fn evaluate_corners(
-    query: &impl PointQuery,
+    source: &impl MeshSource,
     block: &Block,
     cells: &[IVec3],
     resolution_m: f32,
@@ -224,14 +246,14 @@ fn evaluate_corners(
         }
     });
     let mut values = vec![f32::NAN; count];
-    for (row, distance) in rows.into_iter().zip(query(&points, Fields::DISTANCE).distance) {
+    for (row, distance) in rows.into_iter().zip(source.field(&points)) {
         values[row] = distance;
     }
     Corners(values)
 }
 
 /// The sign pattern and distances of a cell that the surface crosses; `None` where it does not,
-/// where a corner is unknown, and where the sign changes by a jump.
+/// where a corner has no distance, and where the sign changes by a jump.
 fn surface_cell(corners: &Corners, cell: IVec3, resolution_m: f32) -> Option<(u8, [f32; 8])> {
     let mut values = [0.0; 8];
     let mut pattern = 0;
@@ -276,7 +298,7 @@ fn best_apex(polygon: &Loop, indices: &[u32], crossings: &[Crossing]) -> usize {
 }
 
 /// Positions and gradients of the vertices: one step of regula falsi along the edge from the linear
-/// guess, and the gradient there, zero where it is unknown.
+/// guess, and the gradient there, NaN where it is unknown.
 fn refine(
     crossings: &[Crossing],
     resolution_m: f32,
@@ -294,8 +316,7 @@ fn refine(
             crossing.position(share, resolution_m)
         })
         .collect();
-    let known = |gradient: Vec3| if gradient.is_finite() { gradient } else { Vec3::ZERO };
-    (vertices, answers.gradient.into_iter().map(known).collect())
+    (vertices, answers.gradient)
 }
 
 /// The crossing by linear interpolation between the guess, where the distance is `found`, and the
@@ -314,11 +335,12 @@ fn corrected_share(crossing: &Crossing, found: f32) -> f32 {
     if share.is_finite() { share.clamp(MARGIN, 1.0 - MARGIN) } else { guess }
 }
 
-/// Drops triangles where the distance jumps through zero, and vertices that none is left of. The
-/// normals still are gradients.
-fn drop_jumps(mesh: &mut TriangleMesh) {
+/// Drops triangles where the distance jumps through zero or is unknown, and vertices that none is left
+/// of. The normals still are gradients.
+fn drop_doubtful(mesh: &mut TriangleMesh) {
     let steepness: Vec<f32> = mesh.normals.iter().map(|gradient| gradient.length()).collect();
     let mean = |t: &[u32; 3]| t.iter().map(|&v| steepness[v as usize]).sum::<f32>() / 3.0;
+    // Not a number fails this comparison too.
     mesh.triangles.retain(|triangle| mean(triangle) <= STEEPEST);
     let mut used = vec![false; mesh.vertices.len()];
     mesh.triangles.iter().flatten().for_each(|&v| used[v as usize] = true);

@@ -11,7 +11,7 @@ mod tests;
 
 use glam::Vec3;
 
-pub use extract::{default_resolution_m, extract_mesh};
+pub use extract::{MeshSource, default_resolution_m, extract_mesh};
 pub use pieces::{
     Detail, MeshPart, PieceKey, PieceTable, WholeMesh, packed_piece, piece_size_m, vertex_colors,
 };

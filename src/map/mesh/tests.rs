@@ -5,29 +5,42 @@ use std::collections::BTreeMap;
 use glam::{IVec3, Vec3};
 
 use super::TriangleMesh;
-use super::extract::{MARGIN, extract_mesh};
+use super::extract::{MARGIN, MeshSource, extract_mesh};
 use super::lattice::each_between;
 use crate::geometry::Aabb;
-use crate::map::parallel::{PointQuery, query_pool};
+use crate::map::parallel::query_pool;
 use crate::map::query::{Fields, PointAnswers};
 
-fn field(distance: impl Fn(Vec3) -> f32 + Sync) -> impl PointQuery {
-    move |points: &[Vec3], fields: Fields| {
+/// A closed form, and where it is known.
+struct Closed<D, K>(D, K);
+
+impl<D: Fn(Vec3) -> f32 + Sync, K: Fn(Vec3) -> bool + Sync> MeshSource for Closed<D, K> {
+    fn field(&self, points: &[Vec3]) -> Vec<f32> {
+        points.iter().map(|&p| self.0(p)).collect()
+    }
+
+    fn query(&self, points: &[Vec3], fields: Fields) -> PointAnswers {
+        let Self(distance, is_known) = self;
         let gradient = |p: Vec3| {
             let h = 1e-3;
             let slope = |axis: Vec3| (distance(p + axis * h) - distance(p - axis * h)) / (2.0 * h);
             Vec3::new(slope(Vec3::X), slope(Vec3::Y), slope(Vec3::Z))
         };
+        let known = |p: Vec3| if is_known(p) { 1.0 } else { f32::NAN };
         PointAnswers {
-            distance: points.iter().map(|&p| distance(p)).collect(),
+            distance: points.iter().map(|&p| distance(p) * known(p)).collect(),
             gradient: if fields.gradient {
-                points.iter().map(|&p| gradient(p)).collect()
+                points.iter().map(|&p| gradient(p) * known(p)).collect()
             } else {
                 vec![]
             },
             ..PointAnswers::default()
         }
     }
+}
+
+fn field<D: Fn(Vec3) -> f32 + Sync>(distance: D) -> Closed<D, fn(Vec3) -> bool> {
+    Closed(distance, |_| true)
 }
 
 /// Leaves of 0.1 m that fill a cube around the origin.
@@ -143,6 +156,28 @@ fn the_surface_ends_where_the_map_does() {
     assert!(mesh.normals.iter().all(|n| n.dot(Vec3::Z) > 0.99));
     let nothing = extract(|_| f32::NAN, 5, 0.05);
     assert!(nothing.triangles.is_empty() && nothing.vertices.is_empty());
+}
+
+#[test]
+fn a_wall_is_closed_whose_cells_reach_deeper_than_what_is_known() {
+    // A wall in a lattice plane, within rounding: half of its vertices lie in cells whose far corners
+    // are a whole cell behind it, and what is known ends a little before.
+    let wobble = |p: Vec3| 1e-4 * (311.0 * p.y).sin() * (173.0 * p.z).cos();
+    let wall = |p: Vec3| p.x - 0.1 + wobble(p);
+    let pool = query_pool(1).expect("pool");
+    let seen = |p: Vec3| p.y < 0.25;
+    let known = |p: Vec3| wall(p) > -0.099 && seen(p);
+    let mesh = extract_mesh(&Closed(wall, known), &leaves(5), 0.1, &pool).expect("a mesh");
+    let edges = directed_edges(&mesh);
+    let rim = |v: u32| {
+        let v = mesh.vertices[v as usize];
+        v.y < -0.49 || v.y > 0.19 || v.z.abs() > 0.49
+    };
+    for &(a, b) in edges.keys() {
+        let is_closed = edges.contains_key(&(b, a));
+        assert!(is_closed || (rim(a) && rim(b)), "a hole at {}", mesh.vertices[a as usize]);
+    }
+    assert!(mesh.triangles.len() > 100 && mesh.vertices.iter().all(|v| seen(*v)));
 }
 
 #[test]

@@ -63,8 +63,8 @@ struct Colored {
 impl Colored {
     /// The surface inside `leaves`.
     fn extract(view: &MapView, leaves: &[Aabb], resolution_m: f32) -> Result<Self> {
+        let mesh = extract_part(view, leaves, resolution_m)?;
         let query = |points: &[Vec3], fields| view.query(points, fields);
-        let mesh = extract_part(&query, leaves, resolution_m)?;
         let mut colors = vertex_colors(&query, &mesh.vertices);
         colors.resize(mesh.vertices.len(), None);
         Ok(Self { mesh, colors })

@@ -94,8 +94,7 @@ mod tests {
     fn the_parts_make_the_mesh_of_the_command_line() {
         let view = take(&mut mapper(), 0);
         let pool = query_pool(2).expect("threads");
-        let query = |points: &[_], fields| view.query(points, fields);
-        let expected = extract_mesh(&query, &view.surface_leaves(), 0.05, &pool).expect("a mesh");
+        let expected = extract_mesh(&*view, &view.surface_leaves(), 0.05, &pool).expect("a mesh");
         let whole = WholeMesh::new(view.clone(), 0.05).expect("few cells");
         assert!(whole.parts() > 4);
         let parts = (0..whole.parts()).map(|i| whole.part(i).expect("a part")).collect();
