@@ -63,6 +63,18 @@ fn colours_are_those_that_were_seen_and_survive_a_file() {
     }
 }
 
+/// Vertices so wide apart that each has many pixels of a small image.
+fn by_direction(color_degree: u8) -> MapConfig {
+    let settings = MapSettings {
+        steps: Some(0),
+        r0_m: 0.2,
+        color_spacing_m: 0.2,
+        color_degree,
+        ..MapSettings::default()
+    };
+    MapConfig::from_settings(&settings).unwrap()
+}
+
 /// A frame of the room whose surfaces all shine alike: their colour depends on the direction alone.
 fn shining(data: &Synthetic, index: usize) -> Frame {
     let mut frame = data.load(index, true).unwrap();
@@ -88,7 +100,8 @@ fn image(view: &MapView, frame: &Frame, renderer: Renderer) -> Vec<Vec3> {
 
 #[test]
 fn colours_that_depend_on_the_direction_are_seen_in_images_and_survive_a_file() {
-    let data = Synthetic::room(40).with_width(96);
+    let data = Synthetic::room(40).with_width(320);
+    let frames: Vec<Frame> = (0..40).map(|index| shining(&data, index)).collect();
     let between = shining(&Synthetic::room(80).with_width(96), 41);
     let k = between.intrinsics;
     let truth = between.color.as_ref().unwrap();
@@ -99,17 +112,16 @@ fn colours_that_depend_on_the_direction_are_seen_in_images_and_survive_a_file() 
     let folder = tempfile::tempdir().unwrap();
     let mut errors = Vec::new();
     for color_degree in [0, 1, 3] {
-        let settings = MapSettings { steps: Some(0), color_degree, ..MapSettings::default() };
-        let mut mapper = Mapper::new(MapConfig::from_settings(&settings).unwrap()).unwrap();
-        for index in (0..40).chain(0..40) {
-            mapper.integrate(&shining(&data, index)).unwrap();
+        let mut mapper = Mapper::new(by_direction(color_degree)).unwrap();
+        for frame in frames.iter().chain(&frames) {
+            mapper.integrate(frame).unwrap();
         }
         let view = mapper.publish();
         let images = [Renderer::Tile, Renderer::Ray].map(|by| image(&view, &between, by));
         errors.push(images.each_ref().map(|image| {
             let painted = image.iter().zip(&truth).filter(|(shown, _)| **shown != Vec3::ZERO);
             let all: Vec<f32> = painted.map(|(a, b)| (*a - *b).abs().element_sum() / 3.0).collect();
-            assert!(all.len() * 10 > image.len() * 9, "{} of {}", all.len(), image.len());
+            assert!(all.len() * 10 > image.len() * 8, "{} of {}", all.len(), image.len());
             all.iter().sum::<f32>() / all.len() as f32
         }));
         let held = view.state().harmonics.len();
@@ -125,7 +137,7 @@ fn colours_that_depend_on_the_direction_are_seen_in_images_and_survive_a_file() 
         let mut resumed =
             storage::load(&folder.path().join(format!("{color_degree}-false"))).unwrap();
         for mapper in [&mut mapper, &mut resumed] {
-            mapper.integrate(&shining(&data, 7)).unwrap();
+            mapper.integrate(&frames[7]).unwrap();
         }
         let (a, b) = (mapper.publish().state(), resumed.publish().state());
         assert!(a.texels == b.texels && a.harmonics == b.harmonics, "degree {color_degree}");
@@ -139,9 +151,8 @@ fn colours_that_depend_on_the_direction_are_seen_in_images_and_survive_a_file() 
 /// What is painted by hand looks the same from all sides, and what is cleared is forgotten.
 #[test]
 fn edits_take_the_dependence_on_the_direction_away() {
-    let data = Synthetic::room(40).with_width(96);
-    let settings = MapSettings { steps: Some(0), color_degree: 2, ..MapSettings::default() };
-    let mut mapper = Mapper::new(MapConfig::from_settings(&settings).unwrap()).unwrap();
+    let data = Synthetic::room(40).with_width(160);
+    let mut mapper = Mapper::new(by_direction(2)).unwrap();
     for index in (0..40).step_by(2) {
         mapper.integrate(&shining(&data, index)).unwrap();
     }
