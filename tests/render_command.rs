@@ -160,14 +160,23 @@ fn an_ablation_is_a_report_with_plots() {
     let (data, out) = (at("data"), at("report"));
     done(&["ablate", "--data", &data, "--out", &out, "--steps", "0"]);
     let files = names(Path::new(&out));
-    assert_eq!(files, ["modalities.svg", "renderer.svg", "report.html", "report.md", "sample.svg"]);
+    let plots = ["color.svg", "modalities.svg", "renderer.svg", "sample.svg"];
+    assert!(plots.iter().all(|plot| files.iter().any(|file| file == plot)), "{files:?}");
+    assert_eq!(files.len(), plots.len() + 2, "{files:?}");
     let report = fs::read_to_string(at("report/report.md")).unwrap();
-    for line in ["## Modalities", "## Where a ray takes its colour", "## What draws the images"] {
+    for line in [
+        "## Modalities",
+        "## Colours from all sides",
+        "## Where a ray takes its colour",
+        "## What draws the images",
+    ] {
         assert!(report.lines().any(|l| l == line), "{line} in {report}");
     }
     let row = |name: &str| report.lines().find(|l| l.starts_with(name)).unwrap().to_owned();
-    assert_eq!(row("| | PSNR"), "| | PSNR, dB | SSIM | depth L1, mm | coverage, % | images/s |");
-    for name in ["| SDF+OCC+Rad |", "| midpoint |", "| tile |"] {
+    for columns in ["map, MB | frames/s |", "depth L1, mm | coverage, % | images/s |"] {
+        row(&format!("| | PSNR, dB | SSIM | {columns}"));
+    }
+    for name in ["| SDF+OCC+Rad |", "| RGB |", "| SH3 |", "| midpoint |", "| tile |"] {
         assert!(row(name).matches('|').count() > 3, "{report}");
     }
     assert!(fs::read_to_string(at("report/report.html")).unwrap().contains("<svg"));
