@@ -10,7 +10,7 @@ use tokio::runtime::Runtime;
 
 use super::credentials::CredentialArgs;
 use super::encoder::EncoderArgs;
-use super::open::{asking_runtime, is_url, open_view};
+use super::open::{MapName, asking_runtime, is_url, open_view};
 use crate::client::Questioner;
 use crate::encoder::TextEncoder;
 use crate::error::{Error, Result};
@@ -32,7 +32,7 @@ pub(super) struct Answerer {
 
 enum Source {
     View { view: Arc<MapView>, pool: ThreadPool },
-    Server { client: Questioner, runtime: Runtime },
+    Server { client: Questioner, runtime: Runtime, map_id: String },
 }
 
 /// What a camera sees, and how well it fits.
@@ -46,14 +46,16 @@ impl Answerer {
     /// Opens a map file, or connects to a server.
     pub(super) fn open(
         map: &str,
+        name: &MapName,
         encoder: &EncoderArgs,
         credentials: &CredentialArgs,
     ) -> Result<Self> {
+        let map_id = name.of(map)?;
         if is_url(map) {
             let encoder = encoder.open()?;
             let runtime = asking_runtime()?;
             let client = runtime.block_on(Questioner::connect_with(map, &credentials.read()?))?;
-            return Ok(Self { source: Source::Server { client, runtime }, encoder });
+            return Ok(Self { source: Source::Server { client, runtime, map_id }, encoder });
         }
         let view = open_view(Path::new(map))?;
         let contract = view.contract().ok_or_else(|| {
@@ -90,8 +92,9 @@ impl Answerer {
                 let scorer = scorer(view, &question.sought)?;
                 view.find(&scorer, &settings, &|| false).ok_or_else(not_asked_to_stop)
             }
-            Source::Server { client, runtime } => {
-                Ok(runtime.block_on(client.find(question))?.findings)
+            Source::Server { client, runtime, map_id } => {
+                let question = FindQuestion { map_id: map_id.clone(), ..question.clone() };
+                Ok(runtime.block_on(client.find(&question))?.findings)
             }
         }
     }
@@ -111,8 +114,11 @@ impl Answerer {
                 let (class, score): (Vec<_>, Vec<_>) = pieces.into_iter().unzip();
                 Ok((class.concat(), score.concat()))
             }
-            Source::Server { client, runtime } => {
-                let question = ClassifyQuestion::new(points.to_vec(), classes.clone());
+            Source::Server { client, runtime, map_id } => {
+                let question = ClassifyQuestion {
+                    map_id: map_id.clone(),
+                    ..ClassifyQuestion::new(points.to_vec(), classes.clone())
+                };
                 let reply = runtime.block_on(client.classify(&question))?;
                 Ok((reply.class, reply.score))
             }
@@ -132,11 +138,12 @@ impl Answerer {
                         .ok_or_else(not_asked_to_stop)?;
                 Ok(Heat { color: drawn.color, scores: drawn.heat })
             }
-            Source::Server { client, runtime } => {
+            Source::Server { client, runtime, map_id } => {
                 let kind = |output| ImageKind { output, encoding: Encoding::F32 };
                 let images = vec![kind(Output::Color), kind(Output::Heat)];
-                let text = Some(sought.clone());
-                let question = ImageQuestion { text, ..ImageQuestion::new(*camera, images) };
+                let (map_id, text) = (map_id.clone(), Some(sought.clone()));
+                let question =
+                    ImageQuestion { map_id, text, ..ImageQuestion::new(*camera, images) };
                 let reply = runtime.block_on(client.render(&question))?;
                 let numbers = |at: usize| -> Vec<f32> {
                     let bytes = reply.images.get(at).map_or(&[][..], |(_, bytes)| bytes);
@@ -153,7 +160,7 @@ impl Answerer {
     pub(super) fn bounds(&self) -> Result<Aabb> {
         match &self.source {
             Source::View { view, .. } => Ok(view.bounds()),
-            Source::Server { client, runtime } => runtime.block_on(client.bounds()),
+            Source::Server { client, runtime, map_id } => runtime.block_on(client.bounds(map_id)),
         }
     }
 }

@@ -14,6 +14,7 @@ use self::picture::Picture;
 use super::answerer::{Answerer, Heat};
 use super::credentials::CredentialArgs;
 use super::encoder::EncoderArgs;
+use super::open::MapName;
 use super::render::Size;
 use crate::error::{Error, Result};
 use crate::geometry::{Aabb, Intrinsics, Pose};
@@ -55,6 +56,8 @@ pub struct AskArgs {
     #[arg(long, value_name = "S", allow_hyphen_values = true)]
     pub min_score: Option<f32>,
     #[command(flatten)]
+    name: MapName,
+    #[command(flatten)]
     encoder: EncoderArgs,
     #[command(flatten)]
     credentials: CredentialArgs,
@@ -77,7 +80,7 @@ pub struct AskArgs {
 
 impl AskArgs {
     pub fn run(self) -> anyhow::Result<()> {
-        let answerer = Answerer::open(&self.map, &self.encoder, &self.credentials)?;
+        let answerer = Answerer::open(&self.map, &self.name, &self.encoder, &self.credentials)?;
         let start = Instant::now();
         let question = self.question(&answerer)?;
         let Findings { matches, places } = answerer.find(&question)?;

@@ -10,6 +10,7 @@ use glam::Vec3;
 use super::answerer::Answerer;
 use super::credentials::CredentialArgs;
 use super::encoder::EncoderArgs;
+use super::open::MapName;
 use crate::error::{Error, Result};
 use crate::numpy::{ArchiveWriter, ArrayReader};
 use crate::service::Sought;
@@ -35,6 +36,8 @@ pub struct ClassifyArgs {
     #[arg(long, value_name = "FILE.npz")]
     pub out: PathBuf,
     #[command(flatten)]
+    name: MapName,
+    #[command(flatten)]
     encoder: EncoderArgs,
     #[command(flatten)]
     credentials: CredentialArgs,
@@ -43,7 +46,7 @@ pub struct ClassifyArgs {
 impl ClassifyArgs {
     pub fn run(self) -> anyhow::Result<()> {
         let prompts = class_names(&self.classes)?;
-        let answerer = Answerer::open(&self.map, &self.encoder, &self.credentials)?;
+        let answerer = Answerer::open(&self.map, &self.name, &self.encoder, &self.credentials)?;
         let words = Sought::Words { prompts, negatives: Some(Vec::new()) };
         let classes = answerer.sought(words, "classes")?;
         let (class, score) = classify_file(&answerer, &self.points, &classes)?;

@@ -19,6 +19,7 @@ mod heap;
 mod invocation;
 pub mod map;
 pub mod mesh;
+mod numbers;
 mod open;
 pub mod planner;
 pub mod query;

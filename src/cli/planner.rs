@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::{Args, Subcommand};
-use glam::Vec3;
 use tokio::runtime::Runtime;
 
 use self::arrays::{PathColumns, rows, shape_of, write};
-use super::open::{asking_runtime, is_url, open_view};
+use super::credentials::CredentialArgs;
+use super::numbers::parse_box;
+use super::open::{MapName, asking_runtime, is_url, open_view};
 use crate::client::Client;
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
@@ -44,6 +45,17 @@ struct Asked {
     /// Where the answers go
     #[arg(long, value_name = "FILE.npz")]
     out: PathBuf,
+    #[command(flatten)]
+    name: MapName,
+    #[command(flatten)]
+    credentials: CredentialArgs,
+}
+
+impl Asked {
+    /// Which map is asked, and under which terms.
+    fn terms(&self) -> Result<Terms> {
+        Ok(Terms { map_id: self.name.of(&self.map)?, ..Terms::default() })
+    }
 }
 
 /// Clearance of spheres: arrays clearance, gradient, state
@@ -136,7 +148,7 @@ enum Source {
 }
 
 impl Source {
-    fn open(map: &str) -> Result<Self> {
+    fn open(Asked { map, credentials, .. }: &Asked) -> Result<Self> {
         if !is_url(map) {
             return Self::of(open_view(Path::new(map))?);
         }
@@ -145,7 +157,7 @@ impl Source {
             return Err(Error::invalid("map", problem));
         }
         let runtime = asking_runtime()?;
-        let client = runtime.block_on(Client::connect(map))?;
+        let client = runtime.block_on(Client::connect_with(map, &credentials.read()?))?;
         Ok(Self::Server(client, runtime))
     }
 
@@ -153,15 +165,10 @@ impl Source {
         Ok(Self::View(Local::new(view, Arc::new(query_pool(0)?))))
     }
 
-    fn bounds(&self) -> Result<Aabb> {
+    fn bounds(&self, map_id: &str) -> Result<Aabb> {
         match self {
             Self::View(local) => Ok(local.view().bounds()),
-            Self::Server(client, runtime) => {
-                let maps = runtime.block_on(client.list_maps())?;
-                let default = Terms::default().map_id;
-                let map = maps.into_iter().find(|map| map.map_id == default);
-                Ok(map.ok_or(Error::NotFound { what: format!("map '{default}'") })?.bounds)
-            }
+            Self::Server(client, runtime) => runtime.block_on(client.bounds(map_id)),
         }
     }
 }
@@ -169,11 +176,11 @@ impl Source {
 impl SpheresArgs {
     fn run(self) -> Result<()> {
         let question = SpheresQuestion {
-            terms: Terms::default(),
+            terms: self.common.terms()?,
             spheres: spheres_of(&rows(&self.spheres, 4)?)?,
             fields: Fields { gradient: true, state: true, ..Fields::DISTANCE },
         };
-        let answers = match Source::open(&self.common.map)? {
+        let answers = match Source::open(&self.common)? {
             Source::View(local) => local.query_spheres(question)?,
             Source::Server(client, runtime) => {
                 runtime.block_on(client.query_spheres(&question))?.answer
@@ -206,9 +213,9 @@ impl TrajectoriesArgs {
             lengths: vec![length; trajectories],
             margin_m: self.margin,
             swept: self.swept,
-            ..TrajectoriesQuestion::default()
+            terms: self.common.terms()?,
         };
-        let verdicts = match Source::open(&self.common.map)? {
+        let verdicts = match Source::open(&self.common)? {
             Source::View(local) => local.check_trajectories(question)?,
             Source::Server(client, runtime) => {
                 runtime.block_on(client.check_trajectories(&question))?.answer
@@ -227,12 +234,12 @@ impl RaysArgs {
             numbers.chunks_exact(6).flat_map(|ray| ray[from..from + 3].to_vec()).collect()
         };
         let question = RaysQuestion {
-            terms: Terms::default(),
+            terms: self.common.terms()?,
             origins: vectors_of("origins_m", &half(0))?,
             directions: vectors_of("directions", &half(3))?,
             max_range_m: self.range,
         };
-        let answers = match Source::open(&self.common.map)? {
+        let answers = match Source::open(&self.common)? {
             Source::View(local) => local.cast_rays(&question)?,
             Source::Server(client, runtime) => {
                 runtime.block_on(client.cast_rays(&question))?.answer
@@ -251,11 +258,11 @@ impl RaysArgs {
 impl NearestArgs {
     fn run(self) -> Result<()> {
         let question = NearestQuestion {
-            terms: Terms::default(),
+            terms: self.common.terms()?,
             points: points_of(&rows(&self.points, 3)?)?,
             max_unknown_m: self.unknown,
         };
-        let answers = match Source::open(&self.common.map)? {
+        let answers = match Source::open(&self.common)? {
             Source::View(local) => local.find_nearest(question)?,
             Source::Server(client, runtime) => {
                 runtime.block_on(client.find_nearest(&question))?.answer
@@ -276,13 +283,13 @@ impl NearestArgs {
 
 impl GridArgs {
     fn run(self) -> Result<()> {
-        let source = Source::open(&self.common.map)?;
+        let (source, terms) = (Source::open(&self.common)?, self.common.terms()?);
         let region = match self.r#box {
             Some(region) => region,
-            None => source.bounds()?,
+            None => source.bounds(&terms.map_id)?,
         };
         let question = GridQuestion {
-            terms: Terms::default(),
+            terms,
             region,
             voxel_m: self.voxel,
             fields: Fields::ALL,
@@ -312,32 +319,5 @@ impl GridArgs {
             archive.add("origin", &[3], &shape.origin.to_array())?;
             archive.add("voxel", &[1], &[shape.voxel_m])
         })
-    }
-}
-
-fn parse_box(text: &str) -> std::result::Result<Aabb, String> {
-    let numbers: Vec<f32> = text
-        .split(',')
-        .map(|part| part.trim().parse().map_err(|_| format!("'{part}' is not a number")))
-        .collect::<std::result::Result<_, _>>()?;
-    let [a, b, c, d, e, f] = numbers[..] else {
-        return Err(format!("needs six numbers x,y,z,x,y,z; {} given", numbers.len()));
-    };
-    let (one, other) = (Vec3::new(a, b, c), Vec3::new(d, e, f));
-    Ok(Aabb { min: one.min(other), max: one.max(other) })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn boxes_are_parsed_or_refused_with_the_reason() {
-        let region = parse_box("1,-1,0, 0,2,1").expect("a box");
-        assert_eq!((region.min, region.max), (Vec3::new(0.0, -1.0, 0.0), Vec3::new(1.0, 2.0, 1.0)));
-        for (text, reason) in [("1,2,3", "six"), ("a,0,0,1,1,1", "'a'")] {
-            let error = parse_box(text).expect_err(text);
-            assert!(error.contains(reason), "{error}");
-        }
     }
 }

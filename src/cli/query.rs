@@ -11,7 +11,8 @@ use rayon::ThreadPool;
 use tokio::runtime::Runtime;
 
 use super::credentials::CredentialArgs;
-use super::open::{asking_runtime, is_url, open_view};
+use super::numbers::parse_point;
+use super::open::{MapName, asking_runtime, is_url, open_view};
 use crate::client::Questioner;
 use crate::error::{Error, Result};
 use crate::map::{Fields, MapView, PointAnswers, State, query_parallel, query_pool};
@@ -44,12 +45,14 @@ pub struct QueryArgs {
     #[arg(long, value_name = "FILE.npz", requires = "points_file")]
     pub out: Option<PathBuf>,
     #[command(flatten)]
+    name: MapName,
+    #[command(flatten)]
     credentials: CredentialArgs,
 }
 
 impl QueryArgs {
     pub fn run(self) -> anyhow::Result<()> {
-        let source = Source::open(&self.map, &self.credentials)?;
+        let source = Source::open(&self)?;
         match (&self.points_file, &self.out) {
             (Some(points), Some(out)) => answer_file(&source, points, out)?,
             _ => {
@@ -66,16 +69,17 @@ impl QueryArgs {
 /// Who answers.
 enum Source {
     View { view: Arc<MapView>, pool: ThreadPool },
-    Server { client: Questioner, runtime: Runtime },
+    Server { client: Questioner, runtime: Runtime, map_id: String },
 }
 
 impl Source {
-    fn open(map: &str, credentials: &CredentialArgs) -> Result<Self> {
+    fn open(QueryArgs { map, name, credentials, .. }: &QueryArgs) -> Result<Self> {
+        let map_id = name.of(map)?;
         if is_url(map) {
             let credentials = credentials.read()?;
             let runtime = asking_runtime()?;
             let client = runtime.block_on(Questioner::connect_with(map, &credentials))?;
-            return Ok(Self::Server { client, runtime });
+            return Ok(Self::Server { client, runtime, map_id });
         }
         Ok(Self::View { view: open_view(Path::new(map))?, pool: query_pool(0)? })
     }
@@ -87,23 +91,12 @@ impl Source {
                 Ok(query_parallel(&query, points, Fields::ALL, pool))
             }
             // Each piece is answered by the newest epoch.
-            Self::Server { client, runtime } => {
-                let question = PointsQuestion::new(points.to_vec());
+            Self::Server { client, runtime, map_id } => {
+                let map_id = map_id.clone();
+                let question = PointsQuestion { map_id, ..PointsQuestion::new(points.to_vec()) };
                 Ok(runtime.block_on(client.ask(&question))?.answers)
             }
         }
-    }
-}
-
-fn parse_point(text: &str) -> std::result::Result<Vec3, String> {
-    let numbers: Vec<f32> = text
-        .split(',')
-        .map(|part| part.trim().parse().map_err(|_| format!("'{part}' is not a number")))
-        .collect::<std::result::Result<_, _>>()?;
-    match numbers[..] {
-        [x, y, z] if numbers.iter().all(|n| n.is_finite()) => Ok(Vec3::new(x, y, z)),
-        [_, _, _] => Err("must be finite".to_owned()),
-        _ => Err(format!("needs three numbers x,y,z; {} given", numbers.len())),
     }
 }
 
@@ -136,13 +129,18 @@ fn answer_file(source: &Source, points: &Path, out: &Path) -> Result<()> {
     let file = File::open(points).map_err(|e| Error::io(points, e))?;
     let reader = ArrayReader::new(BufReader::new(file), points.display().to_string())?;
     let columns = Columns::answer(reader, folder_of(out), |points| source.answer(points))?;
-    write_file(out, |file| columns.write(file))
+    let (rows, known) = (columns.rows, columns.known);
+    write_file(out, |file| columns.write(file))?;
+    println!("{}: {rows} points, {known} known", out.display());
+    Ok(())
 }
 
 /// Answers on disk, column by column, because an archive holds one array after the other and a
 /// large query need not fit into memory.
 struct Columns {
     rows: usize,
+    /// Rows whose state is known.
+    known: usize,
     sdf: Spool,
     gradient: Spool,
     occupancy: Spool,
@@ -170,6 +168,7 @@ impl Columns {
         let spool = || Spool::new(folder);
         let mut columns = Self {
             rows,
+            known: 0,
             sdf: spool()?,
             gradient: spool()?,
             occupancy: spool()?,
@@ -197,6 +196,8 @@ impl Columns {
         write_values(&mut self.occupancy.0, &answers.occupancy)?;
         self.occupancies += answers.occupancy.len();
         write_values(&mut self.state.0, &answers.state)?;
+        let is_known = |state: &&u8| **state != State::Unknown as u8;
+        self.known += answers.state.iter().filter(is_known).count();
         let color: &[f32] = bytemuck::cast_slice(&answers.color);
         self.colors += answers.color.len();
         write_values(&mut self.color.0, color)
@@ -297,17 +298,6 @@ mod tests {
         for shape in [vec![6], vec![3, 2], vec![1, 2, 3]] {
             let error = run(&shape, &[0.0; 6]).err().expect("not (N, 3)").to_string();
             assert!(error.contains("(N, 3)"), "{error}");
-        }
-    }
-
-    #[test]
-    fn points_are_parsed_or_refused_with_the_reason() {
-        assert_eq!(parse_point("1,-2.5, 3e-1"), Ok(Vec3::new(1.0, -2.5, 0.3)));
-        for (text, reason) in
-            [("1,2", "three"), ("1,2,x", "'x'"), ("1,2,nan", "finite"), ("", "''")]
-        {
-            let error = parse_point(text).expect_err(text);
-            assert!(error.contains(reason), "{error}");
         }
     }
 

@@ -12,7 +12,7 @@ use tokio::runtime::Runtime;
 
 use self::viewpoints::{Orbit, Viewpoint};
 use super::credentials::CredentialArgs;
-use super::open::{asking_runtime, is_url, open_view};
+use super::open::{MapName, asking_runtime, is_url, open_view};
 use crate::client::Questioner;
 use crate::config::BackendChoice;
 use crate::dataset::{cameras, pose};
@@ -66,6 +66,8 @@ pub struct RenderArgs {
     /// A folder for NAME.OUTPUT.png; with --pose a file, F.png, or F.OUTPUT.png for several outputs
     #[arg(long, value_name = "DIR|F.png")]
     pub out: PathBuf,
+    #[command(flatten)]
+    name: MapName,
     #[command(flatten)]
     credentials: CredentialArgs,
 }
@@ -143,6 +145,7 @@ enum Source {
     Server {
         client: Questioner,
         runtime: Runtime,
+        map_id: String,
         renderer: Renderer,
     },
 }
@@ -151,6 +154,7 @@ impl Source {
     fn open(arguments: &RenderArgs) -> Result<Self> {
         let RenderArgs { map, renderer, sample, backend, .. } = arguments;
         let (renderer, sample, backend) = (*renderer, *sample, *backend);
+        let map_id = arguments.name.of(map)?;
         if backend == BackendChoice::Gpu && renderer == Renderer::Ray {
             let problem = "gpu draws by tiles; rays are walked on the CPU (--renderer ray)";
             return Err(Error::invalid("backend", problem));
@@ -165,7 +169,7 @@ impl Source {
             let runtime = asking_runtime()?;
             let client =
                 runtime.block_on(Questioner::connect_with(map, &arguments.credentials.read()?))?;
-            return Ok(Self::Server { client, runtime, renderer });
+            return Ok(Self::Server { client, runtime, map_id, renderer });
         }
         let settings = RenderSettings { renderer, sample, ..RenderSettings::default() };
         let view = open_view(Path::new(map))?;
@@ -179,7 +183,7 @@ impl Source {
     fn bounds(&self) -> Result<Aabb> {
         match self {
             Self::View { view, .. } => Ok(view.bounds()),
-            Self::Server { client, runtime, .. } => runtime.block_on(client.bounds()),
+            Self::Server { client, runtime, map_id, .. } => runtime.block_on(client.bounds(map_id)),
         }
     }
 
@@ -200,11 +204,12 @@ impl Source {
                     rendering.ok_or_else(|| Error::Internal("nobody asked to stop".into()))?;
                 outputs.iter().map(|output| rendering.encode(*output, Encoding::Png)).collect()
             }
-            Self::Server { client, runtime, renderer } => {
+            Self::Server { client, runtime, map_id, renderer } => {
                 let kind = |output: &Output| ImageKind { output: *output, encoding: Encoding::Png };
                 let images = outputs.iter().map(kind).collect();
+                let (map_id, renderer) = (map_id.clone(), *renderer);
                 let question =
-                    ImageQuestion { renderer: *renderer, ..ImageQuestion::new(*camera, images) };
+                    ImageQuestion { map_id, renderer, ..ImageQuestion::new(*camera, images) };
                 let reply = runtime.block_on(client.render(&question))?;
                 Ok(reply.images.into_iter().map(|(_, image)| image).collect())
             }

@@ -7,6 +7,7 @@ use clap::Args;
 use glam::Vec3;
 use image::ImageFormat;
 
+use super::numbers::numbers;
 use super::open::open_view;
 use crate::map::{Plane, draw_slice, query_pool, slice};
 use crate::storage::write_file;
@@ -53,13 +54,7 @@ impl SliceArgs {
 }
 
 fn parse_plane(text: &str) -> Result<Plane, String> {
-    let numbers: Vec<f32> = text
-        .split(',')
-        .map(|part| part.trim().parse().map_err(|_| format!("'{part}' is not a number")))
-        .collect::<Result<_, _>>()?;
-    let [x, y, z, d] = numbers[..] else {
-        return Err(format!("needs four numbers nx,ny,nz,d; {} given", numbers.len()));
-    };
+    let [x, y, z, d] = numbers(text, "nx,ny,nz,d")?;
     Plane::new(Vec3::new(x, y, z), d).map_err(|e| e.to_string())
 }
 
@@ -71,7 +66,7 @@ mod tests {
     fn planes_are_parsed_or_refused_with_the_reason() {
         let plane = parse_plane("0,0,2,1.5").expect("a plane");
         assert_eq!((plane.normal, plane.offset_m), (Vec3::Z, 1.5));
-        for (text, reason) in [("0,0,1", "four"), ("0,0,0,1", "length"), ("a,0,0,1", "'a'")] {
+        for (text, reason) in [("0,0,1", "4 numbers"), ("0,0,0,1", "length"), ("a,0,0,1", "'a'")] {
             let error = parse_plane(text).expect_err(text);
             assert!(error.contains(reason), "{error}");
         }

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use anyhow::Context;
 use clap::{Args, Subcommand};
 
+use super::credentials::CredentialArgs;
 use super::open::asking_runtime;
 use crate::client::Client;
 use crate::service::DEFAULT_MAP;
@@ -22,6 +23,8 @@ pub struct SnapshotArgs {
     /// The map
     #[arg(long, global = true, default_value = DEFAULT_MAP)]
     pub map: String,
+    #[command(flatten)]
+    credentials: CredentialArgs,
 }
 
 #[derive(Debug, Subcommand)]
@@ -51,7 +54,8 @@ pub enum Verb {
 impl SnapshotArgs {
     pub fn run(self) -> anyhow::Result<()> {
         let runtime = asking_runtime()?;
-        let client = runtime.block_on(Client::connect(&self.url))?;
+        let client =
+            runtime.block_on(Client::connect_with(&self.url, &self.credentials.read()?))?;
         let map = self.map.as_str();
         match self.verb {
             Verb::List => {

@@ -11,7 +11,7 @@ use crate::config::name_of;
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
 use crate::map::{Camera, Encoding};
-use crate::service::{DEFAULT_MAP, ImageKind, ImageQuestion, ImageReply, Sought};
+use crate::service::{ImageKind, ImageQuestion, ImageReply, Sought};
 use crate::wire::{EPOCH, HEIGHT, NEWEST_STAMP_NS, SERVER_US, WIDTH};
 
 #[derive(Deserialize)]
@@ -56,9 +56,9 @@ impl HttpClient {
         Ok(reply)
     }
 
-    /// The box around everything that the default map has observed; empty for an empty map.
-    pub async fn bounds(&self) -> Result<Aabb> {
-        let answer = self.get(&format!("/v1/maps/{DEFAULT_MAP}")).await?;
+    /// The box around everything that a map has observed; empty for an empty map.
+    pub async fn bounds(&self, map_id: &str) -> Result<Aabb> {
+        let answer = self.get(&format!("/v1/maps/{map_id}")).await?;
         let detail: MapDetail = serde_json::from_slice(&answer)
             .map_err(|e| Error::corrupt("the server's answer", e.to_string()))?;
         Ok(match detail.map.bounds {

@@ -25,6 +25,7 @@ use tonic::transport::{Channel, Endpoint};
 
 use crate::engine::Emptied;
 use crate::error::{Error, Result};
+use crate::geometry::Aabb;
 use crate::map::{Clear, Edited, Fields, Stamp};
 use crate::service::{
     ClassifyQuestion, ClassifyReply, FindQuestion, FindReply, ImageQuestion, ImageReply, MapReport,
@@ -181,6 +182,14 @@ impl Client {
             .await
             .map_err(|status| error_from_status(&status))?;
         Ok(map_list_from_wire(reply.into_inner()))
+    }
+
+    /// The box around everything that a map has observed; empty for an empty map.
+    pub async fn bounds(&self, map_id: &str) -> Result<Aabb> {
+        let maps = self.list_maps().await?;
+        let map = maps.into_iter().find(|map| map.map_id == map_id);
+        let missing = || Error::NotFound { what: format!("map '{map_id}'") };
+        Ok(map.ok_or_else(missing)?.bounds)
     }
 
     /// One map's counters.

@@ -1,11 +1,11 @@
 //! Questions to a server, whatever it speaks.
 
 use super::{Client, Credentials, HttpClient, ZenohClient};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::geometry::Aabb;
 use crate::service::{
-    ClassifyQuestion, ClassifyReply, DEFAULT_MAP, FindQuestion, FindReply, ImageQuestion,
-    ImageReply, PointsQuestion, PointsReply,
+    ClassifyQuestion, ClassifyReply, FindQuestion, FindReply, ImageQuestion, ImageReply,
+    PointsQuestion, PointsReply,
 };
 
 /// A client of any transport.
@@ -74,17 +74,12 @@ impl Questioner {
         }
     }
 
-    /// The box around everything that the default map has observed; empty for an empty map.
-    pub async fn bounds(&self) -> Result<Aabb> {
+    /// The box around everything that a map has observed; empty for an empty map.
+    pub async fn bounds(&self, map_id: &str) -> Result<Aabb> {
         match self {
-            Self::Grpc(client) => {
-                let maps = client.list_maps().await?;
-                let map = maps.into_iter().find(|map| map.map_id == DEFAULT_MAP);
-                let missing = || Error::NotFound { what: format!("map '{DEFAULT_MAP}'") };
-                Ok(map.ok_or_else(missing)?.bounds)
-            }
-            Self::Http(client) => client.bounds().await,
-            Self::Zenoh(client) => client.bounds().await,
+            Self::Grpc(client) => client.bounds(map_id).await,
+            Self::Http(client) => client.bounds(map_id).await,
+            Self::Zenoh(client) => client.bounds(map_id).await,
         }
     }
 }

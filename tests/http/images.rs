@@ -4,7 +4,7 @@ use std::process::Command;
 
 use glam::DVec3;
 use orenx::client::{HttpClient, camera_json};
-use orenx::service::ImageQuestion;
+use orenx::service::{DEFAULT_MAP, ImageQuestion};
 use serde_json::{Value, json};
 
 use super::{JSON, RAW, RENDER, Reply, exchange, metric, post_json, request};
@@ -24,7 +24,7 @@ async fn every_image_is_the_same_over_grpc_and_http() {
         assert_eq!((other.width, other.height, other.epoch), (64, 48, 4));
         assert_eq!(other.newest_stamp_ns, grpc.newest_stamp_ns);
     }
-    let bounds = http.bounds().await.unwrap();
+    let bounds = http.bounds(DEFAULT_MAP).await.unwrap();
     assert_eq!(bounds, server.client.list_maps().await.unwrap()[0].bounds);
     for (transport, verb) in [("grpc", "render"), ("http", "render")] {
         let sample = format!(

@@ -16,8 +16,8 @@ use crate::bus::{Bus, Joining, Slices, bus_error, encoding_of};
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
 use crate::service::{
-    ClassifyQuestion, ClassifyReply, DEFAULT_MAP, FindQuestion, FindReply, ImageQuestion,
-    ImageReply, MapReport, PointsQuestion, PointsReply,
+    ClassifyQuestion, ClassifyReply, FindQuestion, FindReply, ImageQuestion, ImageReply, MapReport,
+    PointsQuestion, PointsReply,
 };
 use crate::wire::{
     FindRequest, classify_question_to_wire, find_question_to_wire, image_question_to_wire,
@@ -93,9 +93,9 @@ impl ZenohClient {
         map_stats_from_wire(reply)
     }
 
-    /// The box around everything that the default map has observed; empty for an empty map.
-    pub async fn bounds(&self) -> Result<Aabb> {
-        Ok(self.map_stats(DEFAULT_MAP).await?.summary.bounds)
+    /// The box around everything that a map has observed; empty for an empty map.
+    pub async fn bounds(&self, map_id: &str) -> Result<Aabb> {
+        Ok(self.map_stats(map_id).await?.summary.bounds)
     }
 
     /// Asks one server, whichever serves the map.
