@@ -12,6 +12,7 @@ mod ask_command; // what `orenx ask` and `orenx classify` find, draw and refuse
 mod bad_files; // damaged maps, points, recordings and settings on the command line
 mod bench_command; // what `orenx bench serve` and `planner` measure
 mod dashboard; // the page in a browser: it grows, answers, and survives a killed server
+mod edit_command; // `orenx edit`, and `--map` of what asks a server
 mod eval_language; // what `orenx eval` says of classes in a labelled house
 mod fuzz; // what the fuzzer found, read once more
 mod house; // the rules of the house held against its files: floors, names, sizes

@@ -13,6 +13,7 @@ pub mod config;
 mod credentials;
 pub mod demo;
 pub mod doctor;
+pub mod edit;
 mod encoder;
 pub mod eval;
 mod heap;
@@ -48,6 +49,7 @@ enum Command {
     Serve(serve::ServeArgs),
     Stream(stream::StreamArgs),
     Snapshot(snapshot::SnapshotArgs),
+    Edit(edit::EditArgs),
     Map(map::MapArgs),
     Eval(eval::EvalArgs),
     Query(query::QueryArgs),
@@ -87,6 +89,7 @@ pub fn run() -> ExitCode {
         Command::Serve(arguments) => arguments.run(),
         Command::Stream(arguments) => arguments.run(),
         Command::Snapshot(arguments) => arguments.run(),
+        Command::Edit(arguments) => arguments.run(),
         Command::Map(arguments) => arguments.run(),
         Command::Eval(arguments) => arguments.run(),
         Command::Query(arguments) => arguments.run(),

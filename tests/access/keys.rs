@@ -116,10 +116,21 @@ async fn commands_show_a_key_out_of_a_file() {
     std::fs::write(&file, key(Role::Read) + "\n").unwrap();
     let (file, url) = (file.display().to_string(), format!("http://{}", server.http));
     let grpc = format!("grpc://{}", server.grpc);
+    let out = folder.path().join("grid.npz").display().to_string();
     let asked = tokio::task::spawn_blocking(move || {
+        let shown = ["--api-key-file", file.as_str()];
+        let grid = ["planner", "grid", &grpc, "--box", "0,0,0,1,1,1", "--voxel", "0.5"];
+        command::done(&[&grid[..], &["--out", &out], &shown].concat());
+        let create = [&["snapshot", &grpc], &shown[..], &["create"]].concat();
+        let clear = [&["edit", &grpc, "clear", "--robot", "r"], &shown[..]].concat();
+        for arguments in [create, clear] {
+            let output = command::orenx(&arguments);
+            let stderr = String::from_utf8_lossy(&output.stderr);
+            assert!(stderr.contains("admin"), "it shows the key of a reader: {stderr}");
+        }
         for url in [url.as_str(), grpc.as_str()] {
             let arguments = ["query", url, "--point", "0,0,1"];
-            let said = command::done(&[&arguments[..], &["--api-key-file", &file]].concat());
+            let said = command::done(&[&arguments[..], &shown].concat());
             assert!(said.contains("state unknown"), "{said}");
             let output = command::orenx(&arguments);
             let stderr = String::from_utf8_lossy(&output.stderr);
