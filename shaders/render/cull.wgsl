@@ -1,5 +1,5 @@
 // What each cube covers of the image, its place in the order from the eye, and how many cubes each
-// tile has. Twin: `Lens` in src/map/render/tile/cubes.rs. Constants of the host: NEAREST_M (nothing
+// tile has. Twin: `Lens` in src/map/render/tile/lens.rs. Constants of the host: NEAREST_M (nothing
 // nearer to the camera is drawn), SLACK (rounding of projected corners, pixels), SIDE.
 //
 // The order: cells of the largest size by the steps between them and the eye's, all axes added. A

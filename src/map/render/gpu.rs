@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use rayon::ThreadPool;
 
-use super::tile::{cubes, raster, shade};
+use super::tile::{lens, raster, shade};
 use super::{Camera, Channels, Job, RenderSettings, Renderer, Rendering, SamplePosition, heat};
 use super::{near, patch, render_with, unknown};
 use crate::backend::{
@@ -56,8 +56,8 @@ pub type Painted = (Option<Rendering>, Times);
 const RULES: Rules = Rules {
     half_diagonal: near::HALF_DIAGONAL,
     learned_m: near::LEARNED_M,
-    nearest_m: cubes::NEAREST_M,
-    slack: cubes::SLACK,
+    nearest_m: lens::NEAREST_M,
+    slack: lens::SLACK,
     touch: raster::TOUCH,
     least_direction: raster::LEAST_DIRECTION,
     least_weight: raster::LEAST_WEIGHT,

@@ -1,7 +1,8 @@
 //! The cubes of each tile.
 
 use super::super::patch::{Area, SIDE};
-use super::cubes::{Cube, Rect};
+use super::cubes::Cube;
+use super::lens::Rect;
 
 /// For each tile of the image the cubes that may show in it, in their order.
 pub(super) struct Bins {

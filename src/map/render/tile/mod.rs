@@ -5,7 +5,8 @@
 //! but the decoder is asked at corners alone.
 
 mod bins;
-pub(super) mod cubes;
+mod cubes;
+pub(super) mod lens;
 pub(super) mod raster;
 pub(super) mod shade;
 
