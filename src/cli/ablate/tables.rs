@@ -201,7 +201,7 @@ impl<'a> Study<'a> {
             title: "Colours from all sides",
             note: "RGB is the same from all sides, SHn has spherical harmonics of degree 1 to n \
                    (color_degree). Means over the unseen views; the map's memory, and frames/s end to \
-                   end, decoding included. The paper's tab:abl_rast.",
+                   end, decoding included. The paper's table of RGB and SH.",
             columns: vec![
                 Column::new("PSNR, dB", Better::Higher, 2),
                 Column::new("SSIM", Better::Higher, 4),
