@@ -251,6 +251,28 @@ mod tests {
     }
 
     #[test]
+    fn a_cell_says_what_its_points_say() {
+        let scale = BandScale { cell_m: 0.1, log2_side: 1 };
+        let mut band = Band::new(scale);
+        band.limit(1);
+        let block = band.insert([0; 3]).expect("room");
+        // Some of the eight vertices were seen, each in another colour.
+        let texel = |k: u8| {
+            let [x, y, z] = [0, 1, 2].map(|axis| f32::from(k >> axis & 1));
+            let color = Vec3::new(0.2 + 0.5 * x, 0.8 - 0.4 * y, 0.3 + 0.2 * z * x);
+            Texel::new((k % 3 != 1).then(|| logits(color)), None)
+        };
+        let source = Source(band, (0..8).map(texel).collect(), 0, Vec::new());
+        let cell = ColorCell::at(&source, block, Vec3::splat(0.025));
+        for x in [Vec3::splat(0.5), Vec3::new(0.1, 0.7, 0.3), Vec3::new(0.9, 0.2, 0.8)] {
+            let expected = color(&source, block, x * scale.spacing_m()).expect("observed");
+            let found = cell.color(x).expect("observed");
+            assert!((found - expected).abs().max_element() < 1e-5, "{x}: {found}");
+        }
+        assert_eq!(cell.color(Vec3::X), None, "nobody saw that corner");
+    }
+
+    #[test]
     fn vertices_that_nobody_saw_have_no_say() {
         let scale = BandScale { cell_m: 0.1, log2_side: 1 };
         let mut band = Band::new(scale);
