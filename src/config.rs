@@ -9,6 +9,7 @@ mod encoder;
 mod language;
 mod layers;
 mod log;
+mod radiance;
 mod ros2;
 mod secret;
 mod server;
@@ -18,7 +19,6 @@ mod stored;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::geometry::harmonics::MAX_DEGREE;
 
 pub use access::{
     AccessConfig, AuthSettings, KeyConfig, KeySettings, KeySource, LimitSettings, Role, TlsConfig,
@@ -30,6 +30,7 @@ pub use bus::{
 pub use encoder::{EncoderKind, EncoderSettings};
 pub use language::{CodeForm, DictionaryKind, LanguageConfig, MAX_ATOMS};
 pub use log::{LogFormat, LogSettings};
+pub use radiance::{RadianceConfig, Renderer};
 pub use ros2::{Bridge, Ros2Config, Ros2Outputs, Ros2Settings};
 pub use secret::Secret;
 pub use server::{DEFAULT_FILE, GpuSettings, ServerConfig, ServerSettings, Settings};
@@ -105,6 +106,8 @@ pub struct MapSettings {
     pub color_degree: u8,
     /// Rays of a training step whose colours are compared with the camera's.
     pub color_rays: u32,
+    /// What draws the colours that are compared.
+    pub color_renderer: Renderer,
     /// Whether distances learn from these comparisons.
     pub color_sharpens: bool,
     /// `online`, `full`, or the path of atoms in an `.npy` file.
@@ -140,6 +143,7 @@ impl Default for MapSettings {
             color_spacing_m: 0.025,
             color_degree: 0,
             color_rays: 0,
+            color_renderer: Renderer::Ray,
             color_sharpens: true,
             dictionary: "online".into(),
             dictionary_atoms: 256,
@@ -205,73 +209,6 @@ pub struct MapConfig {
     pub language: LanguageConfig,
 }
 
-/// Checked settings of radiance.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct RadianceConfig {
-    /// log2 of the vertices of colour along an edge of a level-0 voxel.
-    pub log2_side: u8,
-    /// Degree of the spherical harmonics by which colours depend on the direction. Stored apart: maps
-    /// from before colours did have none.
-    #[serde(skip)]
-    pub degree: u8,
-    /// Every n-th pixel in u and v leaves its colour.
-    pub stride: u32,
-    /// Rays of a training step that compare colours.
-    pub rays_per_step: u32,
-    /// Of the logits of vertices.
-    pub learning_rate: f32,
-    /// Of the mean difference of colours among the losses of the distance.
-    pub weight: f32,
-    /// Whether distances learn from colours.
-    pub sharpens: bool,
-}
-
-/// Most rays of a step that compare colours.
-const MAX_COLOR_RAYS: u32 = 1 << 16;
-
-impl RadianceConfig {
-    fn new(settings: &MapSettings) -> Result<Self> {
-        if !(0.001..=1.0).contains(&settings.color_spacing_m) {
-            return Err(Error::invalid(
-                "color_spacing_m",
-                format!("{} must lie within 0.001..=1 m", settings.color_spacing_m),
-            ));
-        }
-        if settings.color_rays > MAX_COLOR_RAYS {
-            return Err(Error::invalid("color_rays", format!("at most {MAX_COLOR_RAYS}")));
-        }
-        if settings.color_degree > MAX_DEGREE {
-            return Err(Error::invalid("color_degree", format!("at most {MAX_DEGREE}")));
-        }
-        let full = settings.profile == Profile::Full;
-        Ok(Self {
-            log2_side: (settings.r0_m / settings.color_spacing_m).log2().round().clamp(0.0, 3.0)
-                as u8,
-            degree: settings.color_degree,
-            stride: if full { 2 } else { 4 },
-            rays_per_step: settings.color_rays,
-            learning_rate: 0.01,
-            weight: 10.0,
-            sharpens: settings.color_sharpens,
-        })
-    }
-}
-
-impl Default for RadianceConfig {
-    /// That of a map without settings of its own for radiance.
-    fn default() -> Self {
-        Self {
-            log2_side: 2,
-            degree: 0,
-            stride: 4,
-            rays_per_step: 0,
-            learning_rate: 0.01,
-            weight: 10.0,
-            sharpens: false,
-        }
-    }
-}
-
 /// The modalities that exist, in column order.
 pub const MODALITIES: [&str; 4] = ["sdf", "occupancy", "radiance", "language"];
 
@@ -334,16 +271,7 @@ impl MapConfig {
             ));
         }
         self.check_numbers()?;
-        let radiance = &self.radiance;
-        if radiance.log2_side > 3
-            || radiance.degree > MAX_DEGREE
-            || radiance.stride == 0
-            || radiance.rays_per_step > MAX_COLOR_RAYS
-            || !radiance.learning_rate.is_finite()
-            || !radiance.weight.is_finite()
-        {
-            return Err(Error::corrupt("settings", "of radiance lie outside of their limits"));
-        }
+        self.radiance.check_stored()?;
         self.language.check_stored()?;
         Ok(self)
     }

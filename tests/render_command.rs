@@ -155,10 +155,10 @@ fn an_ablation_is_a_report_with_plots() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let room = Synthetic::room(100).with_width(WIDTH);
-    recording::write(&room, &folder.path().join("data"), &[0, 2, 4, 6, 8]);
+    recording::write(&room, &folder.path().join("data"), &[0, 2, 4, 6, 8, 10, 12, 14, 16]);
     recording::write(&room, &folder.path().join("data/novel"), &[3, 5]);
     let (data, out) = (at("data"), at("report"));
-    done(&["ablate", "--data", &data, "--out", &out, "--steps", "0"]);
+    done(&["ablate", "--data", &data, "--out", &out, "--steps", "2"]);
     let files = names(Path::new(&out));
     let plots = ["color.svg", "modalities.svg", "renderer.svg", "sample.svg"];
     assert!(plots.iter().all(|plot| files.iter().any(|file| file == plot)), "{files:?}");
@@ -168,17 +168,23 @@ fn an_ablation_is_a_report_with_plots() {
         "## Modalities",
         "## Colours from all sides",
         "## Where a ray takes its colour",
-        "## What draws the images",
+        "## What draws the colours that training compares, and the images",
     ] {
         assert!(report.lines().any(|l| l == line), "{line} in {report}");
     }
     let row = |name: &str| report.lines().find(|l| l.starts_with(name)).unwrap().to_owned();
-    for columns in ["map, MB | frames/s |", "depth L1, mm | coverage, % | images/s |"] {
+    let images = "depth L1, mm | coverage, % | images/s |";
+    for columns in ["map, MB | frames/s |", images, &format!("{images} frames/s |")] {
         row(&format!("| | PSNR, dB | SSIM | {columns}"));
     }
-    for name in ["| SDF+OCC+Rad |", "| RGB |", "| SH3 |", "| midpoint |", "| tile |"] {
+    let names = ["| SDF+OCC+Rad |", "| RGB |", "| SH3 |", "| midpoint |", "| tile/ray |"];
+    for name in names {
         assert!(row(name).matches('|').count() > 3, "{report}");
     }
+    let drawn = ["none", "ray", "tile"].map(|trained| {
+        row(&format!("| {trained}/tile |")).replace("**", "").split('|').nth(2).unwrap().to_owned()
+    });
+    assert!(drawn[0] != drawn[1] && drawn[1] != drawn[2], "colours are compared: {report}");
     assert!(fs::read_to_string(at("report/report.html")).unwrap().contains("<svg"));
     refused(&["ablate", "--data", &at("data/novel"), "--out", &at("none")], "novel/");
     refused(&["ablate", "--data", &data, "--out", &out, "--topics", "smell"], "smell");

@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
+use crate::config::Renderer;
 use crate::error::{Error, Result};
 use crate::modality::decoder::Decoder;
 use crate::modality::losses::{LossWeights, Stencil};
@@ -86,6 +87,8 @@ pub struct StepParameters {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RadianceParameters {
     pub rays: u32,
+    /// What draws their colours; a GPU knows rays alone.
+    pub renderer: Renderer,
     /// Learning rate of the logits of vertices.
     pub rate: f32,
     /// s of the density, 1/m.

@@ -2,7 +2,8 @@
 //!
 //! It varies what the paper's ablation tables vary, as far as there is a setting for it: which
 //! modalities train together, noise of depth, whether colours depend on the direction, where a ray takes
-//! its colour, what draws the images; and where distances start, which the paper has no choice of.
+//! its colour, what draws the images and the colours that training compares; and where distances start,
+//! which the paper has no choice of.
 
 mod chart;
 mod page;
@@ -34,7 +35,7 @@ pub enum Topic {
     Color,
     /// Where a ray takes its colour
     Sample,
-    /// What draws the images
+    /// What draws the colours that training compares, and the images
     Renderer,
 }
 
@@ -51,6 +52,10 @@ pub struct AblateArgs {
     /// Training steps a frame of trained maps; the profile decides by default
     #[arg(long, value_name = "N")]
     steps: Option<u32>,
+    /// Rays of a step whose colours are compared, where a map compares any; 0: distances learn
+    /// nothing from colours
+    #[arg(long, value_name = "N", default_value_t = 2048)]
+    color_rays: u32,
     /// Only this noise, beside clean depth; may be repeated
     #[arg(long, value_name = "MODEL:S")]
     noise: Vec<Noise>,
@@ -75,7 +80,8 @@ impl AblateArgs {
         std::fs::create_dir_all(&self.out).map_err(|e| Error::io(&self.out, e))?;
         let mut page = Page::new(self.about(recording.data.name(), recording.indices.len()));
         let lpips = self.lpips.as_deref().map(Lpips::load).transpose()?;
-        let mut study = Study::new(&recording, &truth, self.profile, self.steps, lpips)?;
+        let budget = (self.steps, self.color_rays);
+        let mut study = Study::new(&recording, &truth, self.profile, budget, lpips)?;
         for topic in Topic::value_variants() {
             if !self.topics.is_empty() && !self.topics.contains(topic) {
                 continue;
@@ -102,8 +108,12 @@ impl AblateArgs {
             Some(steps) => format!("{steps} steps a frame where a map trains"),
             None => "the profile's steps where a map trains".to_owned(),
         };
-        let profile = name_of(self.profile);
-        format!("{recording}, {frames} frames, {profile}, {steps}; {}.", processor())
+        let (profile, rays) = (name_of(self.profile), self.color_rays);
+        format!(
+            "{recording}, {frames} frames, {profile}, {steps}, {rays} rays a step where colours are \
+             compared; {}.",
+            processor()
+        )
     }
 
     fn write(&self, page: &Page) -> Result<()> {

@@ -7,11 +7,11 @@ use clap::Args;
 
 use super::encoder::EncoderArgs;
 use super::open::open_view;
+use crate::config::Renderer;
 use crate::error::Result;
 use crate::eval::{Lpips, Report, Truth, evaluate, image_errors, language_scores};
 use crate::map::{
-    MapView, RenderSettings, Renderer, SamplePosition, default_resolution_m, extract_mesh,
-    query_pool,
+    MapView, RenderSettings, SamplePosition, default_resolution_m, extract_mesh, query_pool,
 };
 use crate::storage::write_file;
 

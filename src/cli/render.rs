@@ -14,12 +14,12 @@ use self::viewpoints::{Orbit, Viewpoint};
 use super::credentials::CredentialArgs;
 use super::open::{MapName, asking_runtime, is_url, open_view};
 use crate::client::Questioner;
-use crate::config::BackendChoice;
+use crate::config::{BackendChoice, Renderer};
 use crate::dataset::{cameras, pose};
 use crate::error::{Error, Result};
 use crate::geometry::Aabb;
 use crate::map::{
-    Camera, Encoding, MapView, Output, Painter, RenderSettings, Renderer, SamplePosition, Subject,
+    Camera, Encoding, MapView, Output, Painter, RenderSettings, SamplePosition, Subject,
     query_pool, render,
 };
 use crate::service::{ImageKind, ImageQuestion};

@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use super::{BackendChoice, MODALITIES, MapConfig, MapSettings};
+use super::{BackendChoice, MODALITIES, MapConfig, MapSettings, RadianceConfig};
 use crate::error::{Error, Result};
 
 /// A setting that a stored map keeps although the current settings say otherwise.
@@ -39,6 +39,7 @@ impl MapConfig {
             color_spacing_m: self.r0_m / (1u32 << self.radiance.log2_side) as f32,
             color_degree: self.radiance.degree,
             color_rays: self.radiance.rays_per_step,
+            color_renderer: self.radiance.renderer,
             color_sharpens: self.radiance.sharpens,
             dictionary: self.language.dictionary.name(),
             dictionary_atoms: self.language.capacity,
@@ -51,8 +52,8 @@ impl MapConfig {
     }
 
     /// The settings of a stored map that is opened under `current` ones. How much work and memory a
-    /// frame may take describes the machine, and follows `current`; everything else describes the
-    /// map. Steps per frame follow only where both have the same profile, which decides their
+    /// frame may take describes the machine, and follows `current`, as does what draws the colours that
+    /// training compares; everything else describes the map. Steps per frame follow only where both have the same profile, which decides their
     /// default.
     pub fn resumed(self, current: &Self) -> Self {
         let has_profile = self.profile == current.profile;
@@ -63,6 +64,7 @@ impl MapConfig {
             memory_mib: current.memory_mib,
             key_frame_mib: current.key_frame_mib,
             steps_per_frame: steps,
+            radiance: RadianceConfig { renderer: current.radiance.renderer, ..self.radiance },
             ..self
         }
     }
@@ -144,7 +146,7 @@ fn kept<T: PartialEq + Debug>(field: &'static str, stored: T, current: T) -> Opt
 
 #[cfg(test)]
 mod tests {
-    use super::super::{MapSettings, Prior, Profile, RadianceConfig, Schedule};
+    use super::super::{MapSettings, Prior, Profile, RadianceConfig, Renderer, Schedule};
     use super::*;
 
     fn config(change: impl FnOnce(&mut MapSettings)) -> MapConfig {
@@ -198,6 +200,7 @@ mod tests {
             s.frame_budget_ms = 12.0;
             s.memory_mib = 100;
             s.steps = Some(3);
+            s.color_renderer = Renderer::Tile;
         });
         assert!(stored.kept(&current).is_empty());
         assert_eq!(stored.resumed(&current), current);

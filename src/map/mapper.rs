@@ -298,6 +298,7 @@ impl Mapper {
         let [soft, hard] = SHARPNESS;
         (trained && rays > 0).then_some(RadianceParameters {
             rays,
+            renderer: config.renderer,
             rate: config.learning_rate * rate,
             sharpness: match self.config.prior {
                 Prior::Closed => hard,

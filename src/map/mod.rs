@@ -46,8 +46,8 @@ pub use picture::{Encoding, Output};
 pub use query::{Fields, PointAnswers, State};
 pub use rays::{LONGEST_M, Ray, RayAnswers, RayState, Unseen, cast_rays};
 pub use render::{
-    Camera, Channels, MAX_SIDE, Painted, Painter, RenderSettings, Renderer, Rendering,
-    SamplePosition, Subject, render, render_with,
+    Camera, Channels, MAX_SIDE, Painted, Painter, RenderSettings, Rendering, SamplePosition,
+    Subject, render, render_with,
 };
 pub use robots::Robots;
 pub use slice::{Costs, LevelShape, Plane, Slice, draw_slice, slice};

@@ -8,7 +8,7 @@ use crate::backend::{
     Adapters, Backend, BackendState, Changes, ColorRows, CpuBackend, DecoderState, GpuBackend,
     LearnedRow, RowMoments,
 };
-use crate::config::{BackendChoice, GpuSettings};
+use crate::config::{BackendChoice, GpuSettings, Renderer};
 use crate::error::{Error, Result};
 use crate::modality::RowSource;
 
@@ -75,6 +75,12 @@ impl Mapper {
         if self.config.has("radiance") && radiance.degree > 0 && radiance.rays_per_step > 0 {
             let problem = "a GPU trains no colours that depend on the direction: color_degree or \
                            color_rays must be 0, or the backend cpu";
+            return Err(Error::invalid("backend", problem));
+        }
+        let compares = self.config.has("radiance") && radiance.rays_per_step > 0;
+        if compares && radiance.renderer == Renderer::Tile {
+            let problem = "a GPU compares colours by rays: color_renderer must be ray, or the \
+                           backend cpu";
             return Err(Error::invalid("backend", problem));
         }
         GpuBackend::new(&self.config, adapters, trainer.gpu_memory_mib)
@@ -240,6 +246,23 @@ pub(crate) mod tests {
         let backend = std::mem::replace(&mut mapper.backend, Box::new(cpu));
         mapper.backend = Box::new(Lost(backend));
         Ok(())
+    }
+
+    #[test]
+    fn a_gpu_is_refused_what_only_the_cpu_does() {
+        let settings = MapSettings {
+            color_rays: 64,
+            color_renderer: Renderer::Tile,
+            ..MapSettings::default()
+        };
+        let config = MapConfig::from_settings(&settings).expect("good");
+        let mut mapper = Mapper::new(config).expect("an empty map");
+        let trainer = Trainer { backend: BackendChoice::Gpu, ..Trainer::CPU };
+        let refused = mapper.train_on(trainer).expect_err("tiles").to_string();
+        assert!(refused.contains("color_renderer"), "{refused}");
+        let trainer = Trainer { backend: BackendChoice::Auto, ..trainer };
+        mapper.train_on(trainer).expect("the CPU does it");
+        assert_eq!(mapper.adapter(), None);
     }
 
     #[test]

@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use super::DEFAULT_MAP;
 use super::sought::Sought;
+use crate::config::Renderer;
 use crate::error::{Error, Result};
-use crate::map::{Camera, Encoding, Output, Renderer};
+use crate::map::{Camera, Encoding, Output};
 
 /// Images of one answer.
 pub const MAX_IMAGES: usize = 8;

@@ -11,10 +11,10 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use tokio::sync::Semaphore;
 
 use super::image::{ImageKind, ImageQuestion};
-use crate::config::BackendChoice;
+use crate::config::{BackendChoice, Renderer};
 use crate::error::{Error, Result};
 use crate::map::{
-    MapView, Output, Painter, RenderSettings, Renderer, Rendering, Scorer, Subject, render_with,
+    MapView, Output, Painter, RenderSettings, Rendering, Scorer, Subject, render_with,
 };
 use crate::threads::Urgency;
 

@@ -474,6 +474,22 @@ mod tests {
     }
 
     #[test]
+    fn what_is_painted_looks_alike_from_all_sides() {
+        let (mut field, frame) = (field().with_degree(2), wall(COLORS, 1.0));
+        field.integrate(&frame, 1);
+        let place = SCALE.place(frame.world_point(30, 60, 2.0));
+        let block = field.band.find(place.cell).expect("a block");
+        let rows = SCALE.vertices_around(&place, field.band.uppers(block));
+        let by_direction = vec![0.1; field.state().by_direction.len()];
+        let state = ColorState { by_direction: by_direction.into(), ..field.state() };
+        let mut field = ColorField::new(SCALE, 1, Some(3)).with_degree(2);
+        field = field.with_state(state).expect("fits together");
+        assert!(rows.iter().any(|row| field.harmonics(*row).is_some()), "it shines");
+        field.paint(SCALE.point(&place), Vec3::from(COLORS[1]));
+        assert!(rows.iter().all(|row| field.harmonics(*row).is_none()));
+    }
+
+    #[test]
     fn edges_and_frames_without_colour_leave_nothing() {
         let mut field = field();
         let mut step = wall(COLORS, 1.0);

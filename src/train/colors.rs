@@ -27,6 +27,15 @@ pub struct ColorRay {
     pub color: Vec3,
 }
 
+/// The one of `frames` with colours that a step sees, as an image, where it draws by tiles; none where
+/// none has any.
+pub fn frame_of_step<'a>(plan: &RayPlan, frames: &[&'a KeyFrame]) -> Option<&'a KeyFrame> {
+    let colored = || frames.iter().filter(|frame| !frame.colors.is_empty());
+    let [word, ..] = pcg4d([plan.seed, plan.step, u32::MAX, STREAM]);
+    let at = (u64::from(word) * colored().count() as u64) >> 32;
+    colored().nth(at as usize).copied()
+}
+
 /// Draws `rays` rays, split equally over those of `frames` that have colours. Rays whose surface is
 /// no longer there are skipped.
 pub fn draw_colors(
@@ -58,4 +67,33 @@ pub fn draw_colors(
     };
     let parts: Vec<Vec<ColorRay>> = pool.install(|| chunks.par_iter().map(chunk).collect());
     parts.concat()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::dataset::Dataset;
+    use crate::dataset::synthetic::Synthetic;
+
+    #[test]
+    fn a_step_by_tiles_sees_one_frame_that_has_colours_and_all_get_their_turn() {
+        let frame = Synthetic::room(60).with_width(32).load(0, false).expect("a frame");
+        let blind = KeyFrame::new(&frame, None, 4096, 0.1, None);
+        let colored = [0u8, 1, 2].map(|shade| {
+            let colors = Arc::from(vec![[shade; 3]; blind.pixels.len()]);
+            KeyFrame { colors, ..blind.clone() }
+        });
+        let frames = [&colored[0], &blind, &colored[1], &colored[2]];
+        let mut turns = [0; 3];
+        for step in 0..300 {
+            let plan = RayPlan { rays: 0, seed: 5, step, eikonal_share: 0.0 };
+            let frame = frame_of_step(&plan, &frames).expect("three have colours");
+            turns[usize::from(frame.colors[0][0])] += 1;
+        }
+        assert!(turns.iter().all(|turns| *turns > 60), "{turns:?}");
+        let plan = RayPlan { rays: 0, seed: 5, step: 0, eikonal_share: 0.0 };
+        assert!(frame_of_step(&plan, &[&blind]).is_none());
+    }
 }

@@ -8,7 +8,7 @@ mod rays;
 mod schedule;
 
 pub use batch::{Batch, SampleKind};
-pub use colors::{ColorRay, draw_colors};
+pub use colors::{ColorRay, draw_colors, frame_of_step};
 pub use key_frame::{KeyFrame, Pixel};
 pub use key_frames::{FrameRecord, KeyFrames, KeyFramesState, NO_ROBOT};
 pub use rays::{

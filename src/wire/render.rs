@@ -8,8 +8,9 @@ use super::geometry::{
 use super::language::text_to_wire;
 use super::query::{refusal_from_wire, refusal_to_wire};
 use super::{MAX_MESSAGE_BYTES, v1};
+use crate::config::Renderer;
 use crate::error::{Error, Result};
-use crate::map::{Camera, Encoding, Output, Renderer};
+use crate::map::{Camera, Encoding, Output};
 use crate::service::{ImageKind, ImageQuestion, ImageReply, MAX_IMAGE_BYTES, Sought};
 
 // An answer, its headers and those of its PNG files included, is one message.

@@ -35,13 +35,13 @@ use super::{
     Backend, BackendState, Changes, LABELS, LearnedRow, Losses, MAX_SAMPLES, Pass, ROW_BYTES,
     RowMoments, Scene, StepParameters, StepReport, Work, WorkReport,
 };
-use crate::config::MapConfig;
+use crate::config::{MapConfig, Renderer};
 use crate::error::{Error, Result};
 use crate::geometry::simd::InstructionSet;
 use crate::modality::{Decoders, occupancy, sdf};
 use crate::octree::{BandScale, Explicit, Lookup, NodeSource};
 use crate::surface::{ColorField, Lattice};
-use crate::train::{Batch, RayPlan, draw_colors, sample};
+use crate::train::{Batch, RayPlan, draw_colors, frame_of_step, sample};
 
 /// What a step reads of the host.
 pub struct Host<'a, N: NodeSource> {
@@ -288,7 +288,11 @@ impl Backend for CpuBackend {
             labels += drawn - begin;
             let mut photometric = 0.0;
             if let (Some(radiance), Some(field)) = (&work.parameters.radiance, &surface.color) {
-                let frames = work.frames;
+                let one = frame_of_step(&plan, work.frames);
+                let frames = match radiance.renderer {
+                    Renderer::Ray => work.frames,
+                    Renderer::Tile => one.as_slice(),
+                };
                 let rays = draw_colors(&plan, radiance.rays, frames, topology, surface, &self.pool);
                 let parameters = &work.parameters;
                 photometric =

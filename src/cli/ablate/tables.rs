@@ -1,18 +1,19 @@
 //! The measurements, a table each.
 
 use std::io::Write;
+use std::path::Path;
 
 use rayon::ThreadPool;
 
 use super::page::{Better, Column, Row, Table};
 use crate::cli::bench::recording::Recording;
 use crate::cli::eval::judge;
-use crate::config::{MapSettings, Prior, Profile, name_of};
+use crate::config::{MapSettings, Prior, Profile, Renderer, name_of};
 use crate::dataset::Noise;
 use crate::error::Result;
 use crate::eval::{FieldErrors, ImageErrors, Lpips, Truth, image_errors};
 use crate::geometry::harmonics::MAX_DEGREE;
-use crate::map::{MapView, RenderSettings, Renderer, SamplePosition, query_pool};
+use crate::map::{MapView, RenderSettings, SamplePosition, query_pool};
 
 /// The paper's levels (tab:noise_robustness), m and m per m.
 const NOISE: [Noise; 6] = [
@@ -38,13 +39,26 @@ struct Variant {
     prior: Prior,
     modalities: &'static [&'static str],
     trains: bool,
+    /// What draws colours that training compares; `None`: it compares none.
+    compares: Option<Renderer>,
     color_degree: u8,
 }
 
 impl Variant {
     /// Every modality, from the closed form, trained: the default.
-    const USUAL: Self =
-        Self { prior: Prior::Closed, modalities: &[], trains: true, color_degree: 0 };
+    const USUAL: Self = Self {
+        prior: Prior::Closed,
+        modalities: &[],
+        trains: true,
+        compares: None,
+        color_degree: 0,
+    };
+
+    /// With these fields; colours are compared by rays where there are any, as in the paper.
+    fn with(self, modalities: &'static [&'static str]) -> Self {
+        let compares = modalities.contains(&"radiance").then_some(Renderer::Ray);
+        Self { modalities, compares, ..self }
+    }
 }
 
 /// A map that was made and judged.
@@ -60,11 +74,14 @@ pub(super) struct Study<'a> {
     recording: &'a Recording,
     truth: &'a Truth,
     profile: Profile,
+    /// Steps a frame, where a map trains; `None` follows the profile.
     steps: Option<u32>,
+    /// Rays of a step whose colours are compared, where a map compares any.
+    color_rays: u32,
     lpips: Option<Lpips>,
     pool: ThreadPool,
     /// The map of [`Variant::USUAL`], once somebody has asked for it.
-    usual: Option<std::sync::Arc<MapView>>,
+    usual: Option<Made>,
 }
 
 impl<'a> Study<'a> {
@@ -72,11 +89,11 @@ impl<'a> Study<'a> {
         recording: &'a Recording,
         truth: &'a Truth,
         profile: Profile,
-        steps: Option<u32>,
+        (steps, color_rays): (Option<u32>, u32),
         lpips: Option<Lpips>,
     ) -> Result<Self> {
         let pool = query_pool(0)?;
-        Ok(Self { recording, truth, profile, steps, lpips, pool, usual: None })
+        Ok(Self { recording, truth, profile, steps, color_rays, lpips, pool, usual: None })
     }
 
     fn make(&self, what: &str, variant: Variant, noise: Option<Noise>) -> Result<Made> {
@@ -86,6 +103,8 @@ impl<'a> Study<'a> {
             modalities: variant.modalities.iter().map(|name| (*name).to_owned()).collect(),
             steps: if variant.trains { self.steps } else { Some(0) },
             color_degree: variant.color_degree,
+            color_rays: variant.compares.map_or(0, |_| self.color_rays),
+            color_renderer: variant.compares.unwrap_or(Renderer::Ray),
             ..MapSettings::default()
         };
         let (mut mapper, tally) = self.recording.map(&settings, noise)?;
@@ -104,7 +123,7 @@ impl<'a> Study<'a> {
     pub(super) fn modalities(&mut self) -> Result<Option<Table>> {
         let mut rows = Vec::new();
         for (name, modalities) in MODALITIES {
-            let made = self.make(name, Variant { modalities, ..Variant::USUAL }, None)?;
+            let made = self.make(name, Variant::USUAL.with(modalities), None)?;
             let near = |of: &dyn Fn(&FieldErrors) -> f64| made.field.as_ref().map_or(f64::NAN, of);
             rows.push(Row::new(
                 name,
@@ -121,7 +140,8 @@ impl<'a> Study<'a> {
             file: "modalities",
             title: "Modalities",
             note: "Errors are means over known points whose nearest surface was seen; frames/s are \
-                   end to end, decoding included. The paper's tab:profiling, and the clean column of \
+                   end to end, decoding included. Colours (Rad) are compared by rays, and distances \
+                   learn from it. The paper's tab:profiling, and the clean column of \
                    tab:noise_robustness.",
             columns: vec![
                 Column::new("near, mm", Better::Lower, 2),
@@ -145,7 +165,8 @@ impl<'a> Study<'a> {
         let mut variants = vec![("closed form alone".to_owned(), alone)];
         for (start, prior) in [("closed form", Prior::Closed), ("from zero", Prior::Learned)] {
             variants.extend(MODALITIES.map(|(name, modalities)| {
-                (format!("{start}, {name}"), Variant { prior, modalities, ..Variant::USUAL })
+                let variant = Variant { prior, ..Variant::USUAL }.with(modalities);
+                (format!("{start}, {name}"), variant)
             }));
         }
         let mut rows = Vec::new();
@@ -153,7 +174,7 @@ impl<'a> Study<'a> {
             let mut values = Vec::new();
             for noise in [None].into_iter().chain(levels.iter().copied().map(Some)) {
                 let field = self.make(&name, variant, noise)?.field;
-                values.push(field.map_or(f64::NAN, |f| f.sdf_mae_m.near_observed * 1e3));
+                values.push(field.as_ref().map_or(f64::NAN, near_mm));
             }
             rows.push(Row::new(&name, values));
         }
@@ -164,8 +185,9 @@ impl<'a> Study<'a> {
             file: "noise",
             title: "Depth noise",
             note: "Mean error of the distance near surfaces, mm, by the noise that was added to depth: \
-                   gaussian:S is S metres, axial:S is S times the depth. The paper's \
-                   tab:noise_robustness, which starts from zero.",
+                   gaussian:S is S metres, axial:S is S times the depth. Colours (Rad) are compared by \
+                   rays, and distances learn from it. The paper's tab:noise_robustness, which starts \
+                   from zero.",
             charted: 0..columns.len(),
             columns,
             rows,
@@ -216,60 +238,108 @@ impl<'a> Study<'a> {
 
     /// Nothing without unseen views.
     pub(super) fn sample(&mut self) -> Result<Option<Table>> {
-        let settings = [SamplePosition::ZeroCrossing, SamplePosition::Midpoint].map(|sample| {
+        let Some(novel) = &self.truth.novel else { return Ok(None) };
+        let made = self.usual()?;
+        let mut rows = Vec::new();
+        for sample in [SamplePosition::ZeroCrossing, SamplePosition::Midpoint] {
             let settings =
                 RenderSettings { sample, renderer: Renderer::Ray, ..RenderSettings::default() };
-            (name_of(sample), settings)
-        });
-        self.images(
-            ("sample", "Where a ray takes its colour"),
-            "Means over the unseen views, drawn by rays. The paper's tab:surface_qstar.",
-            &settings,
-        )
-    }
-
-    /// Nothing without unseen views.
-    pub(super) fn renderer(&mut self) -> Result<Option<Table>> {
-        let settings = [Renderer::Ray, Renderer::Tile].map(|renderer| {
-            (name_of(renderer), RenderSettings { renderer, ..RenderSettings::default() })
-        });
-        self.images(
-            ("renderer", "What draws the images"),
-            "Means over the unseen views of one map. The paper's tab:renderer_choice, as far as it \
-             is about evaluation.",
-            &settings,
-        )
-    }
-
-    fn images(
-        &mut self,
-        (file, title): (&'static str, &'static str),
-        note: &'static str,
-        variants: &[(String, RenderSettings)],
-    ) -> Result<Option<Table>> {
-        let Some(novel) = &self.truth.novel else { return Ok(None) };
-        let view = match self.usual.take() {
-            Some(view) => view,
-            None => self.make("every modality", Variant::USUAL, None)?.view,
-        };
-        let mut rows = Vec::new();
-        for (name, settings) in variants {
-            let errors = image_errors(&view, novel, settings, self.lpips.as_ref(), &self.pool)?;
-            let Some(errors) = errors else { return Ok(None) };
-            say(&format!("  {name}: {:.1} images/s", errors.images_per_second));
-            rows.push(Row::new(name, image_values(&errors)));
+            let name = name_of(sample);
+            let Some(values) = self.images(novel, &name, &made, settings)? else { return Ok(None) };
+            rows.push(Row::new(&name, values));
         }
-        self.usual = Some(view);
-        let columns = vec![
-            Column::new("PSNR, dB", Better::Higher, 2),
-            Column::new("SSIM", Better::Higher, 4),
-            Column::new("LPIPS", Better::Lower, 4),
-            Column::new("depth L1, mm", Better::Lower, 2),
-            Column::new("coverage, %", Better::Higher, 2),
-            Column::new("images/s", Better::Higher, 1),
-        ];
-        Ok(Some(Table { file, title, note, columns, rows, charted: 0..1 }))
+        self.usual = Some(made);
+        Ok(Some(Table {
+            file: "sample",
+            title: "Where a ray takes its colour",
+            note: "Means over the unseen views, drawn by rays. The paper's tab:surface_qstar.",
+            columns: image_columns(),
+            rows,
+            charted: 0..1,
+        }))
     }
+
+    /// What compares colours in training, and what draws the images. Nothing without unseen views.
+    pub(super) fn renderer(&mut self) -> Result<Option<Table>> {
+        let Some(novel) = &self.truth.novel else { return Ok(None) };
+        let mut rows = Vec::new();
+        for compares in [None, Some(Renderer::Ray), Some(Renderer::Tile)] {
+            let trained = compares.map_or_else(|| "none".to_owned(), name_of);
+            let made = match compares {
+                None => self.usual()?,
+                Some(_) => {
+                    let what = format!("trained by {trained}");
+                    self.make(&what, Variant { compares, ..Variant::USUAL }, None)?
+                }
+            };
+            for renderer in [Renderer::Ray, Renderer::Tile] {
+                let name = format!("{trained}/{}", name_of(renderer));
+                let settings = RenderSettings { renderer, ..RenderSettings::default() };
+                let images = self.images(novel, &name, &made, settings)?;
+                let Some(mut values) = images else { return Ok(None) };
+                let near = made.field.as_ref().map_or(f64::NAN, near_mm);
+                values.extend([near, made.frames_per_second]);
+                rows.push(Row::new(&name, values));
+            }
+            if compares.is_none() {
+                self.usual = Some(made);
+            }
+        }
+        let mut columns = image_columns();
+        columns.extend([
+            Column::new("near, mm", Better::Lower, 2),
+            Column::new("frames/s", Better::Higher, 1),
+        ]);
+        Ok(Some(Table {
+            file: "renderer",
+            title: "What draws the colours that training compares, and the images",
+            note: "Training/images. Where training compares none, colours are those of the closed form. \
+                   Means over the unseen views; near is the mean error of the distance near surfaces; \
+                   frames/s are those of mapping, decoding included. The paper's tab:renderer_choice.",
+            columns,
+            rows,
+            charted: 0..1,
+        }))
+    }
+
+    /// The map of [`Variant::USUAL`]; whoever takes it gives it back for the next.
+    fn usual(&mut self) -> Result<Made> {
+        match self.usual.take() {
+            Some(made) => Ok(made),
+            None => self.make("every modality", Variant::USUAL, None),
+        }
+    }
+
+    /// Errors of the unseen views; nothing where there is no view to judge.
+    fn images(
+        &self,
+        novel: &Path,
+        name: &str,
+        made: &Made,
+        settings: RenderSettings,
+    ) -> Result<Option<Vec<f64>>> {
+        let errors = image_errors(&made.view, novel, &settings, self.lpips.as_ref(), &self.pool)?;
+        if let Some(errors) = &errors {
+            say(&format!("  {name}: {:.1} images/s", errors.images_per_second));
+        }
+        Ok(errors.as_ref().map(image_values))
+    }
+}
+
+fn near_mm(errors: &FieldErrors) -> f64 {
+    errors.sdf_mae_m.near_observed * 1e3
+}
+
+/// Of [`image_values`].
+fn image_columns() -> Vec<Column> {
+    vec![
+        Column::new("PSNR, dB", Better::Higher, 2),
+        Column::new("SSIM", Better::Higher, 4),
+        Column::new("LPIPS", Better::Lower, 4),
+        Column::new("depth L1, mm", Better::Lower, 2),
+        Column::new("coverage, %", Better::Higher, 2),
+        Column::new("images/s", Better::Higher, 1),
+    ]
 }
 
 fn image_values(errors: &ImageErrors) -> Vec<f64> {

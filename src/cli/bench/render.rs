@@ -17,13 +17,11 @@ use super::figure::{Figure, Target, Unit, median};
 use super::printer::Printer;
 use super::recording::Recording;
 use crate::cli::render::Size;
-use crate::config::{BackendChoice, MapSettings, Profile, name_of};
+use crate::config::{BackendChoice, MapSettings, Profile, Renderer, name_of};
 use crate::dataset::synthetic::{self, Synthetic};
 use crate::dataset::{self, Dataset, Format};
 use crate::frame::{ColorImage, DepthImage};
-use crate::map::{
-    Camera, Channels, MapView, RenderSettings, Renderer, Rendering, query_pool, render,
-};
+use crate::map::{Camera, Channels, MapView, RenderSettings, Rendering, query_pool, render};
 
 /// Images of the synthetic room: time by tiles, on a GPU too, and by rays; error against the truth
 #[derive(Debug, Args)]

@@ -25,20 +25,11 @@ use serde::{Deserialize, Serialize};
 use self::camera::Rays;
 use super::language::Scorer;
 use super::view::MapView;
+use crate::config::Renderer;
 use crate::error::{Error, Result};
 
 pub use camera::{Camera, MAX_SIDE};
 pub use gpu::{Painted, Painter, Subject};
-
-/// How an image is drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum Renderer {
-    /// Voxel by voxel on tiles of pixels: fast.
-    Tile,
-    /// Ray by ray through the field itself: the reference.
-    Ray,
-}
 
 /// Where in a voxel a ray takes its colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]

@@ -20,9 +20,10 @@ use super::options::check_integer;
 use super::parse::{parse, pixels, whole};
 use super::refusal::Refusal;
 use super::{Edge, MapId, schemas};
+use crate::config::Renderer;
 use crate::error::Error;
 use crate::geometry::{Intrinsics, Pose};
-use crate::map::{Camera, Encoding, Output, Renderer};
+use crate::map::{Camera, Encoding, Output};
 use crate::service::{Call, ImageKind, ImageQuestion};
 use crate::wire::{EPOCH, HEIGHT, NEWEST_STAMP_NS, SERVER_US, WIDTH};
 

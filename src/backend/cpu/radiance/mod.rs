@@ -9,8 +9,8 @@ pub(in crate::backend) mod tests;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use self::march::March;
 pub(in crate::backend) use self::march::{BEFORE_M, BEHIND_M, HALF_DIAGONAL, PIECE};
+use self::march::{Field, March};
 use self::rows::Rows;
 use super::chunk::{self, CHUNK, Output};
 use super::plan::Plan;
@@ -45,8 +45,8 @@ pub(in crate::backend) struct Radiance {
 struct Compared {
     /// Derivatives of the sum of |Ĉ − C| over rays and channels, by logits of vertices ...
     by_rows: Vec<(u32, [f32; 3])>,
-    /// ... and by the distance at points.
-    by_points: Vec<(u32, f32)>,
+    /// ... and by the distance at ends (0, 1) of pieces.
+    by_ends: Vec<((u32, u8), f32)>,
     /// Sum of |Ĉ − C|, mean over channels, and of how many rays.
     loss: f64,
     rays: u32,
@@ -116,8 +116,13 @@ impl CpuBackend {
         let vertices = field.band.scale.vertices();
         self.radiance.rows.step(&all.by_rows, vertices, radiance.rate);
         if radiance.sharpens {
-            for (point, by) in all.by_points {
-                batch.points.push(march.points[point as usize]);
+            let mut by_points = vec![0.0; march.points.len()];
+            for (end, by) in all.by_ends {
+                march.scatter(end, by, &mut by_points);
+            }
+            let moved = march.points.into_iter().zip(by_points).filter(|(_, by)| *by != 0.0);
+            for (point, by) in moved {
+                batch.points.push(point);
                 batch.kinds.push(SampleKind::Ray);
                 batch.distances.push(by * factor);
                 batch.occupancies.push(0.0);
@@ -138,9 +143,7 @@ impl CpuBackend {
     ) -> (March, Compared) {
         let mut march = self.pool.install(|| self.march(host, radiance, rays));
         self.distances_at(host, &march, parameters);
-        for (piece, points) in march.pieces.iter_mut().zip(&march.points_of) {
-            piece.f = points.map(|point| self.radiance.distances[point as usize]);
-        }
+        march.measure(&self.radiance.distances);
         let compare = Compare {
             march: &march,
             field,
@@ -155,7 +158,7 @@ impl CpuBackend {
         let mut all = Compared::default();
         for part in parts {
             all.by_rows.extend(part.by_rows);
-            all.by_points.extend(part.by_points);
+            all.by_ends.extend(part.by_ends);
             all.loss += part.loss;
             all.rays += part.rays;
         }
@@ -168,17 +171,22 @@ impl CpuBackend {
         radiance: &RadianceParameters,
         rays: &[ColorRay],
     ) -> March {
-        let learned = &self.rows.learned;
-        let follow = |rays: &[ColorRay]| {
-            March::follow(host, learned, self.surface_log2, radiance.sharpness, rays)
+        let field = Field {
+            host,
+            learned: &self.rows.learned,
+            surface_log2: self.surface_log2,
+            sharpness: radiance.sharpness,
+            renderer: radiance.renderer,
         };
+        let follow = |rays: &[ColorRay]| field.follow(rays);
         let parts: Vec<March> = rays.par_chunks(RAYS).map(follow).collect();
         let mut march = March::default();
         parts.into_iter().for_each(|part| march.append(part));
+        march.ask_corners(host.prior.len());
         march
     }
 
-    /// Fills in the distances at the points of rays; not a number outside of the tree.
+    /// Finds the distances at the points of a march; not a number outside of the tree.
     fn distances_at<N: NodeSource + Sync>(
         &mut self,
         host: &Host<'_, N>,
@@ -267,7 +275,7 @@ impl Compare<'_> {
                 for (end, &by) in by.iter().enumerate() {
                     let near = pieces[piece].f[end].abs() < NEAR_M;
                     if near && by != 0.0 {
-                        out.by_points.push((self.march.points_of[begin + piece][end], by));
+                        out.by_ends.push((((begin + piece) as u32, end as u8), by));
                     }
                 }
             }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::super::tests::{backend, mixed_tree, parameters, random, rough_backend};
 use super::*;
-use crate::config::Profile;
+use crate::config::{Profile, Renderer};
 use crate::modality::losses::Stencil;
 use crate::modality::test_tree::Tree;
 use crate::octree::{BandScale, Cell};
@@ -80,7 +80,14 @@ pub(in crate::backend) fn plane(offset_m: f32) -> Tree {
 }
 
 pub(in crate::backend) fn radiance(rate: f32, sharpness: f32) -> RadianceParameters {
-    RadianceParameters { rays: 0, rate, sharpness, weight: 10.0, sharpens: true }
+    RadianceParameters {
+        rays: 0,
+        renderer: Renderer::Ray,
+        rate,
+        sharpness,
+        weight: 10.0,
+        sharpens: true,
+    }
 }
 
 pub(in crate::backend) fn compare(
@@ -128,17 +135,18 @@ pub(in crate::backend) fn found(
     let point = |(place, f): (&Vec3, &f32)| FoundPoint { place: *place, t: 0.0, f: *f, by_f: 0.0 };
     let mut points: Vec<FoundPoint> =
         march.points.iter().zip(&backend.radiance.distances).map(point).collect();
-    for (piece, ends) in march.pieces.iter().zip(&march.points_of) {
+    // By rays a joint is a point.
+    for (piece, ends) in march.pieces.iter().zip(&march.joints_of) {
         for (end, t) in ends.iter().zip(piece.t) {
             points[*end as usize].t = t;
         }
     }
-    for (point, by) in &all.by_points {
-        points[*point as usize].by_f += by;
+    for ((piece, end), by) in &all.by_ends {
+        points[march.joints_of[*piece as usize][usize::from(*end)] as usize].by_f += by;
     }
     let mut begin = 0;
     let of_ray = |&end: &u32| {
-        let pieces = &march.points_of[std::mem::replace(&mut begin, end as usize)..end as usize];
+        let pieces = &march.joints_of[std::mem::replace(&mut begin, end as usize)..end as usize];
         let last = pieces.last().map_or(0, |last| last[1] + 1);
         points[pieces.first().map_or(0, |first| first[0]) as usize..last as usize].to_vec()
     };
@@ -166,16 +174,17 @@ pub(in crate::backend) fn uneven_backend(profile: Profile, rows: usize) -> CpuBa
 
 #[test]
 fn gradients_are_central_differences() {
-    gradients_are_differences(&painted(stripes));
-    gradients_are_differences(&shining(2));
+    gradients_are_differences(&painted(stripes), Renderer::Ray);
+    gradients_are_differences(&shining(2), Renderer::Ray);
+    gradients_are_differences(&painted(stripes), Renderer::Tile);
 }
 
-fn gradients_are_differences(field: &ColorField) {
+fn gradients_are_differences(field: &ColorField, renderer: Renderer) {
     let tree = plane(0.01);
     let mut backend = uneven_backend(Profile::Lite, tree.rows.len());
     // Far from every colour, so that no difference changes its sign.
     let rays = rays(24, |_| Vec3::new(2.0, -1.0, 2.0));
-    let radiance = RadianceParameters { weight: 100.0, ..radiance(0.0, 80.0) };
+    let radiance = RadianceParameters { weight: 100.0, renderer, ..radiance(0.0, 80.0) };
     let loss = |backend: &mut CpuBackend| {
         f64::from(radiance.weight) * compare(backend, &tree, field, &rays, &radiance).0
     };
@@ -198,7 +207,9 @@ fn gradients_are_differences(field: &ColorField) {
     };
     for (row, gradient) in gradients.iter().step_by(3) {
         assert!(!gradient.occupied, "colours say nothing of occupancy");
-        for column in [0, 5, 24, 27] {
+        // By tiles the gradients at vertices learn nothing.
+        let columns = if renderer == Renderer::Ray { &[0, 5, 24, 27][..] } else { &[0, 5, 24] };
+        for &column in columns {
             let mut difference = |by: f32| {
                 let learned = &mut backend.rows.learned[*row as usize];
                 let value = match column {
@@ -291,17 +302,24 @@ fn colours_are_learned_from_rays() {
 
 #[test]
 fn a_surface_moves_to_where_its_colours_fit() {
+    for renderer in [Renderer::Ray, Renderer::Tile] {
+        a_surface_moves(renderer);
+    }
+}
+
+fn a_surface_moves(renderer: Renderer) {
     // The map holds the colours of the true plane, and its surface 1.5 cm too high.
     let (tree, field) = (plane(-0.015), painted(stripes));
     let mut backend = backend(Profile::Lite, 2);
     backend.resize(tree.rows.len());
     let rays = rays(2048, stripes);
-    let radiance = radiance(0.0, 200.0);
+    let radiance = RadianceParameters { renderer, ..radiance(0.0, 200.0) };
     let p = parameters(Stencil::Forward);
     let host = Host { nodes: &tree, prior: &tree.prior };
     let points =
         (0..400).map(|i| Vec3::new((i % 20) as f32 - 9.5, (i / 20) as f32 - 9.5, 0.0) * 0.02);
-    let on_plane = March { points: points.collect(), ..March::default() };
+    let mut on_plane = March::default();
+    on_plane.points.extend(points);
     let error = |backend: &mut CpuBackend| {
         backend.distances_at(&host, &on_plane, &p);
         backend.radiance.distances.iter().map(|f| f.abs()).sum::<f32>() / 400.0
@@ -312,7 +330,40 @@ fn a_surface_moves_to_where_its_colours_fit() {
         backend.step(&host, &batch, &p).expect("a valid batch");
     }
     let after = error(&mut backend);
-    assert!(after < 0.0075, "{after}");
+    assert!(after < 0.0075, "{renderer:?}: {after}");
+}
+
+/// Where the decoder says nothing, tiles see the field that rays see, from fewer points.
+#[test]
+fn tiles_ask_corners_once_and_see_what_rays_see() {
+    let tree = mixed_tree(|at| {
+        let to_centre = at - Vec3::new(0.1, 0.0, -0.4);
+        let normal = to_centre.normalize();
+        [to_centre.length() - 0.4, normal.x, normal.y, normal.z]
+    });
+    let mut backend = backend(Profile::Lite, 2);
+    backend.resize(tree.rows.len());
+    let host = Host { nodes: &tree, prior: &tree.prior };
+    let rays = rays(700, stripes);
+    let mut seen = [Renderer::Ray, Renderer::Tile].map(|renderer| {
+        let radiance = RadianceParameters { renderer, ..radiance(0.0, 200.0) };
+        let mut march = backend.march(&host, &radiance, &rays);
+        backend.distances_at(&host, &march, &parameters(Stencil::Forward));
+        march.measure(&backend.radiance.distances);
+        march
+    });
+    let [by_rays, by_tiles] = &mut seen;
+    assert!(by_rays.pieces.len() > 2000 && by_rays.pieces.len() == by_tiles.pieces.len());
+    // Between voxels of two sizes each asks another of both; a corner is asked a little within its own.
+    let is_same = |a: &f32, b: &f32| (a - b).abs() < 2e-4;
+    let mut same = 0;
+    for (a, b) in by_rays.pieces.iter().zip(&by_tiles.pieces) {
+        assert_eq!(a.t, b.t);
+        assert!(a.f.iter().zip(&b.f).all(|(a, b)| (a - b).abs() < 0.02), "{a:?} {b:?}");
+        same += usize::from(a.f.iter().zip(&b.f).all(|(a, b)| is_same(a, b)));
+    }
+    assert!(same * 10 > by_rays.pieces.len() * 7, "{same} of {}", by_rays.pieces.len());
+    assert!(by_tiles.points.len() < by_rays.points.len() / 4, "{}", by_tiles.points.len());
 }
 
 #[test]
