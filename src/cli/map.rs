@@ -57,10 +57,17 @@ pub struct MapArgs {
     /// Edge length of a level-0 voxel, metres; 0.1 by default
     #[arg(long, value_name = "M")]
     r0: Option<f32>,
+    /// Distance between vertices of color, metres; 0.025 by default, half of it for sharper images
+    #[arg(long, value_name = "M")]
+    color_spacing: Option<f32>,
     /// Degree of the spherical harmonics by which colors depend on where they are seen from, 0 (they
     /// do not) to 3; 0 by default
     #[arg(long, value_name = "N")]
     color_degree: Option<u8>,
+    /// Rays of a training step whose colors are compared with the camera's, as in the paper; 0, none,
+    /// by default
+    #[arg(long, value_name = "N")]
+    color_rays: Option<u32>,
     /// Noise to add to depth: gaussian:S (metres), axial:S (S·z) or kinect:S
     #[arg(long, value_name = "MODEL:S")]
     noise: Option<Noise>,
@@ -71,7 +78,7 @@ pub struct MapArgs {
     /// Seed of every random choice; 0 by default
     #[arg(long, value_name = "N")]
     seed: Option<u32>,
-    /// Go on from a checkpoint, with its settings; --schedule and --steps may change
+    /// Go on from a checkpoint, with its settings; --schedule, --steps and --color-rays may change
     #[arg(long, value_name = "MAP")]
     resume: Option<PathBuf>,
     /// Write the map alone, for serving, without what resuming needs
@@ -138,7 +145,9 @@ impl MapArgs {
             modalities: modalities.clone(),
             r0_m: self.r0.unwrap_or(defaults.r0_m),
             steps: self.steps.or(defaults.steps),
+            color_spacing_m: self.color_spacing.unwrap_or(defaults.color_spacing_m),
             color_degree: self.color_degree.unwrap_or(defaults.color_degree),
+            color_rays: self.color_rays.unwrap_or(defaults.color_rays),
             seed: self.seed.unwrap_or(defaults.seed),
             ..defaults.clone()
         }
@@ -276,6 +285,7 @@ mod tests {
     use clap::FromArgMatches;
 
     use super::*;
+    use crate::config::RadianceConfig;
     use crate::dataset::synthetic::Synthetic;
     use crate::encoder::test_files::static_folder;
     use crate::frame::{Class, Frame, LabelImage};
@@ -417,15 +427,19 @@ mod tests {
         let resumed = |flags: &str| arguments(flags).resumed(stored.clone());
         assert_eq!(resumed("").expect("its own settings"), stored);
         assert_eq!(resumed("--profile full --r0 0.05 --seed 5").expect("the same again"), stored);
-        let changed = resumed("--schedule adaptive --steps 7").expect("less or more work");
+        let changed = "--schedule adaptive --steps 7 --color-rays 64";
+        let changed = resumed(changed).expect("less or more work");
         assert_eq!((changed.schedule, changed.steps_per_frame), (Schedule::Adaptive, 7));
-        let back = MapConfig { schedule: Schedule::Fixed, steps_per_frame: 2, ..changed };
+        assert_eq!(changed.radiance.rays_per_step, 64);
+        let radiance = RadianceConfig { rays_per_step: 0, ..changed.radiance };
+        let back = MapConfig { schedule: Schedule::Fixed, steps_per_frame: 2, radiance, ..changed };
         assert_eq!(back, stored);
         for (flags, field, value) in [
             ("--profile lite", "profile", "full"),
             ("--prior learned", "prior", "closed"),
             ("--modalities sdf,occupancy", "modalities", "sdf"),
             ("--r0 0.1", "r0", "0.05"),
+            ("--color-spacing 0.0125", "color_spacing", "0.025"),
             ("--seed 0", "seed", "5"),
         ] {
             let error = resumed(flags).expect_err(flags);

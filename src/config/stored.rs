@@ -52,19 +52,25 @@ impl MapConfig {
     }
 
     /// The settings of a stored map that is opened under `current` ones. How much work and memory a
-    /// frame may take describes the machine, and follows `current`, as does what draws the colours that
-    /// training compares; everything else describes the map. Steps per frame follow only where both have the same profile, which decides their
-    /// default.
+    /// frame may take describes the machine, and follows `current`, as does how colours are trained;
+    /// everything else describes the map. Steps per frame follow only where both have the same profile,
+    /// which decides their default.
     pub fn resumed(self, current: &Self) -> Self {
         let has_profile = self.profile == current.profile;
         let steps = if has_profile { current.steps_per_frame } else { self.steps_per_frame };
+        let radiance = RadianceConfig {
+            rays_per_step: current.radiance.rays_per_step,
+            renderer: current.radiance.renderer,
+            sharpens: current.radiance.sharpens,
+            ..self.radiance
+        };
         Self {
             schedule: current.schedule,
             frame_budget_ms: current.frame_budget_ms,
             memory_mib: current.memory_mib,
             key_frame_mib: current.key_frame_mib,
             steps_per_frame: steps,
-            radiance: RadianceConfig { renderer: current.radiance.renderer, ..self.radiance },
+            radiance,
             ..self
         }
     }
@@ -200,7 +206,9 @@ mod tests {
             s.frame_budget_ms = 12.0;
             s.memory_mib = 100;
             s.steps = Some(3);
+            s.color_rays = 512;
             s.color_renderer = Renderer::Tile;
+            s.color_sharpens = false;
         });
         assert!(stored.kept(&current).is_empty());
         assert_eq!(stored.resumed(&current), current);
