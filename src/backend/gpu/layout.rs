@@ -130,6 +130,7 @@ pub(super) struct Radiance {
     pub(super) units: f32,
     pub(super) log2_side: u32,
     pub(super) vertices_per_m: f32,
+    pub(super) harmonics: u32,
 }
 
 /// A ray whose colour is compared.
