@@ -20,6 +20,8 @@ struct Radiance {
   // Of the vertices along an edge of a block.
   log2_side: u32,
   vertices_per_m: f32,
+  // Coefficients of a vertex; 0: colours do not depend on the direction.
+  harmonics: u32,
 }
 
 // A ray through a pixel of known depth and colour, and where its points are; one whose surface is

@@ -27,6 +27,8 @@ struct Scene {
   fine_log2: u32,
   largest_log2: u32,
   cell_log2: u32,
+  // Coefficients of a vertex of colour; 0: colours do not depend on the direction.
+  harmonics: u32,
 }
 
 struct Node {

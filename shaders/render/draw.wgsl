@@ -24,8 +24,9 @@
 @group(0) @binding(10) var<storage, read> nodes: array<Node>;
 @group(0) @binding(11) var<storage, read> blocks: array<u32>;
 @group(0) @binding(12) var<storage, read> texels: array<vec2u>;
+@group(0) @binding(13) var<storage, read> harmonics: array<vec2u>;
 // Plane after plane, as `view` says.
-@group(0) @binding(13) var<storage, read_write> image: array<f32>;
+@group(0) @binding(14) var<storage, read_write> image: array<f32>;
 
 const PIXELS = 256u;
 // Cubes of a tile that are sorted in workgroup memory; more are sorted where they lie.
@@ -297,6 +298,9 @@ fn begin(pixel: vec2u) {
   let least = select(vec3f(LEAST_DIRECTION), vec3f(-LEAST_DIRECTION), direction < vec3f(0.0));
   inverse = vec3f(1.0) / select(direction, least, abs(direction) < vec3f(LEAST_DIRECTION));
   light = select(0.0, 1.0, pixel.x < view.width && pixel.y < view.height);
+  if scene.harmonics > 0u {
+    look_along(direction);
+  }
   last_t = -1.0;
   last_f = 0.0;
   front = 0.0;

@@ -2,6 +2,7 @@
 // and to the distances at the points of rays; one invocation a ray. Twin: Compare in
 // src/backend/cpu/radiance/mod.rs. Constants: LEAST_TAKEN, COLOR_NEAR_M.
 #import lib/band
+#import lib/harmonics
 #import modality/radiance
 
 @group(0) @binding(0) var<uniform> radiance: Radiance;
@@ -19,13 +20,15 @@
 @group(0) @binding(9) var<storage, read_write> block_flags: array<atomic<u32>>;
 // Blocks that the step touched; [0] is their number.
 @group(0) @binding(10) var<storage, read_write> touched_blocks: array<atomic<u32>>;
+@group(0) @binding(11) var<storage, read> harmonics: array<vec2u>;
 
 // The colour at a place: its vertices (NONE where nobody saw them) and their weights in all.
 struct Shade {
   color: vec3f,
   total: f32,
-  // ∂c/∂t.
+  // ∂c/∂t, and ∂c/∂ logits: 0 in channels that harmonics take out of 0..1.
   along: vec3f,
+  by_logits: vec3f,
   rows: array<u32, 8>,
   offset: vec3f,
 }
@@ -52,6 +55,8 @@ fn shade_at(ray: Ray, t: f32) -> Shade {
   var sum = vec3f(0.0);
   var sum_along = vec3f(0.0);
   var total_along = 0.0;
+  var added = vec3f(0.0);
+  var added_along = vec3f(0.0);
   for (var k = 0u; k < 8u; k += 1u) {
     shade.rows[k] = NONE;
     let row = vertex_row(block, place, k);
@@ -72,14 +77,33 @@ fn shade_at(ray: Ray, t: f32) -> Shade {
     shade.total += weight;
     sum_along += value * slope;
     total_along += slope;
+    if radiance.harmonics > 0u {
+      let by_direction = added_at(row, radiance.harmonics) / HARMONIC_STEPS;
+      added += by_direction * weight;
+      added_along += by_direction * slope;
+    }
   }
   if shade.total > 0.0 {
     let logits = sum / shade.total;
     shade.color = color_of(logits);
-    shade.along = (sum_along - logits * total_along) / shade.total
-      * shade.color * (vec3f(1.0) - shade.color);
+    shade.by_logits = shade.color * (vec3f(1.0) - shade.color);
+    shade.along = (sum_along - logits * total_along) / shade.total * shade.by_logits;
+    if radiance.harmonics > 0u {
+      added /= shade.total;
+      add_harmonics(&shade, added, (added_along - added * total_along) / shade.total);
+    }
   }
   return shade;
+}
+
+// Adds to a colour what harmonics say, which changes along the ray.
+fn add_harmonics(shade: ptr<function, Shade>, added: vec3f, added_along: vec3f) {
+  let color = (*shade).color + added;
+  let bounded = clamp(color, vec3f(0.0), vec3f(1.0));
+  let open = select(vec3f(0.0), vec3f(1.0), color == bounded);
+  (*shade).color = bounded;
+  (*shade).by_logits *= open;
+  (*shade).along = ((*shade).along + added_along) * open;
 }
 
 // What a piece takes of the light that reaches it.
@@ -158,7 +182,7 @@ fn differentiate(ray: Ray, mixed: vec3f, taken: f32, by_mixed: vec3f) {
         if shade.total > 0.0 {
           let part = share.weight / taken;
           let by_color = by_mixed * part;
-          scatter(shade, by_color * shade.color * (vec3f(1.0) - shade.color));
+          scatter(shade, by_color * shade.by_logits);
           let by_weight = dot(by_mixed, shade.color - mixed) / taken;
           // ∂L/∂ ln q: q lowers the own weight and scales those behind.
           let by_log = behind - share.passed * by_weight;
@@ -184,6 +208,9 @@ fn main(@builtin(global_invocation_id) id: vec3u) {
     return;
   }
   let ray = rays[id.x];
+  if radiance.harmonics > 0u {
+    look_along(ray.direction);
+  }
   let found = mix_colors(ray);
   if found.w < LEAST_TAKEN {
     for (var i = ray.first; i < ray.first + ray.points; i += 1u) {

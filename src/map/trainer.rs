@@ -72,11 +72,6 @@ impl Mapper {
 
     fn open_gpu(&self, adapters: Adapters, trainer: Trainer) -> Result<GpuBackend> {
         let radiance = &self.config.radiance;
-        if self.config.has("radiance") && radiance.degree > 0 && radiance.rays_per_step > 0 {
-            let problem = "a GPU trains no colours that depend on the direction: color_degree or \
-                           color_rays must be 0, or the backend cpu";
-            return Err(Error::invalid("backend", problem));
-        }
         let compares = self.config.has("radiance") && radiance.rays_per_step > 0;
         if compares && radiance.renderer == Renderer::Tile {
             let problem = "a GPU compares colours by rays: color_renderer must be ray, or the \

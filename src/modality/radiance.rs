@@ -70,7 +70,7 @@ impl Texel {
 pub type Harmonic = [i16; 3];
 
 /// Steps of a [`Harmonic`] in one unit.
-const HARMONIC_SCALE: f32 = 8192.0;
+pub const HARMONIC_SCALE: f32 = 8192.0;
 
 /// How many a vertex has with harmonics of degrees 1 to `degree`; none with degree 0.
 pub const fn harmonics(degree: u8) -> usize {

@@ -2,14 +2,14 @@
 
 use glam::Vec3;
 
-use orenx::config::{MapConfig, MapSettings};
+use orenx::config::{MapConfig, MapSettings, Renderer};
 use orenx::dataset::Dataset;
 use orenx::dataset::synthetic::Synthetic;
 use orenx::frame::{ColorImage, Frame};
 use orenx::geometry::Region;
 use orenx::map::{
-    Camera, Channels, Clear, Edit, Fields, MapView, Mapper, RenderSettings, Renderer, State,
-    query_pool, render,
+    Camera, Channels, Clear, Edit, Fields, MapView, Mapper, RenderSettings, State, query_pool,
+    render,
 };
 use orenx::storage;
 

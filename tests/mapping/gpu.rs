@@ -88,19 +88,6 @@ fn colored() -> MapSettings {
     MapSettings { color_rays: 512, steps: Some(2), ..MapSettings::default() }
 }
 
-/// Colours that depend on the direction are no matter of the GPU, but distances are.
-#[test]
-fn colours_that_depend_on_the_direction_are_trained_on_the_cpu_or_refused() {
-    let settings = MapSettings { color_degree: 1, ..colored() };
-    let mut mapper = Mapper::new(MapConfig::from_settings(&settings).unwrap()).unwrap();
-    let error = mapper.train_on(Trainer::of(BackendChoice::Gpu)).unwrap_err();
-    assert_eq!(error.field(), Some("backend"));
-    assert!(error.to_string().contains("color_degree"), "{error}");
-    mapper.train_on(Trainer::of(BackendChoice::Auto)).unwrap();
-    assert_eq!(mapper.adapter(), None);
-    self::mapper(BackendChoice::Gpu, &MapSettings { color_rays: 0, ..settings });
-}
-
 /// A frame of the room, painted with stripes: where a surface has one colour alone, what is left to
 /// learn is rounding.
 fn painted(index: usize) -> Frame {
@@ -141,6 +128,13 @@ fn color_differences(a: &MapView, b: &MapView) -> [f32; 3] {
 #[test]
 fn both_backends_train_the_same_colours_and_go_on_from_each_other() {
     use BackendChoice::{Cpu, Gpu};
+    the_same_colours(&colored(), &[(Gpu, Gpu), (Cpu, Gpu), (Gpu, Cpu)]);
+    // As they are seen along rays.
+    the_same_colours(&MapSettings { color_degree: 1, ..colored() }, &[(Gpu, Gpu)]);
+}
+
+fn the_same_colours(colored: &MapSettings, ways: &[(BackendChoice, BackendChoice)]) {
+    use BackendChoice::Cpu;
     let folder = tempfile::tempdir().unwrap();
     let map = |settings: &MapSettings, first: BackendChoice, then: BackendChoice| {
         let mut mapper = mapper(first, settings);
@@ -162,14 +156,13 @@ fn both_backends_train_the_same_colours_and_go_on_from_each_other() {
         assert_eq!(photometric > 0.0, settings.color_rays > 0);
         view
     };
-    let cpu = map(&colored(), Cpu, Cpu);
-    let closed = map(&MapSettings { color_rays: 0, ..colored() }, Cpu, Cpu);
+    let cpu = map(colored, Cpu, Cpu);
+    let closed = map(&MapSettings { color_rays: 0, ..colored.clone() }, Cpu, Cpu);
     let [_, trained, by_training] = color_differences(&closed, &cpu);
-    for (first, then) in [(Gpu, Gpu), (Cpu, Gpu), (Gpu, Cpu)] {
-        let other = map(&colored(), first, then);
+    for &(first, then) in ways {
+        let other = map(colored, first, then);
         let found = color_differences(&other, &cpu);
-        println!("{first:?} {then:?}: {found:?}; training changes {by_training}");
-        assert!((found[0] - trained).abs() < 0.02 * trained, "{found:?}");
+        assert!((found[0] - trained).abs() < 0.02 * trained, "{first:?} {then:?}: {found:?}");
         // What the backends differ by is little of what training does.
         assert!(found[2] < 0.3 * by_training, "{found:?} of {by_training}");
     }
@@ -177,7 +170,8 @@ fn both_backends_train_the_same_colours_and_go_on_from_each_other() {
 
 #[test]
 fn the_same_input_gives_the_same_file_and_a_checkpoint_goes_on() {
-    for settings in [MapSettings::default(), colored()] {
+    let shining = MapSettings { color_degree: 1, ..colored() };
+    for settings in [MapSettings::default(), colored(), shining] {
         the_same_file(&settings);
     }
 }

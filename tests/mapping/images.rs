@@ -2,11 +2,12 @@
 
 use glam::Vec3;
 
+use orenx::config::Renderer;
 use orenx::dataset::Dataset;
 use orenx::dataset::synthetic::{self, Synthetic};
 use orenx::map::{
-    Camera, Channels, MapView, Mapper, RenderSettings, Renderer, Rendering, SamplePosition,
-    query_pool, render,
+    Camera, Channels, MapView, Mapper, RenderSettings, Rendering, SamplePosition, query_pool,
+    render,
 };
 
 use super::lite;

@@ -2,10 +2,11 @@
 
 use std::future::Future;
 
+use orenx::config::Renderer;
 use orenx::dataset::Dataset;
 use orenx::dataset::synthetic::Synthetic;
 use orenx::geometry::Intrinsics;
-use orenx::map::{Camera, Encoding, Output, Renderer};
+use orenx::map::{Camera, Encoding, Output};
 use orenx::service::{ImageKind, ImageQuestion};
 use orenx::wire::v1::FrameStatus;
 use orenx::wire::{stream_image_question_to_wire, stream_image_reply_from_wire, v1};

@@ -3,6 +3,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::backend::{LearnedRow, RowMoments};
+use crate::modality::radiance::Harmonic;
 use crate::modality::{OCCUPANCY_FEATURES, SDF_FEATURES};
 
 /// No voxel, no row, no kind of sample.
@@ -37,6 +38,11 @@ pub(super) fn learned_row(columns: &RowColumns) -> LearnedRow {
     row.occupancy_feature.copy_from_slice(occupancy);
     row.explicit.copy_from_slice(explicit);
     row
+}
+
+/// Harmonics as shaders have them.
+pub(super) fn harmonic_words(harmonics: &[Harmonic]) -> Vec<[u32; 2]> {
+    harmonics.iter().map(|&[r, g, b]| bytemuck::cast([r, g, b, 0])).collect()
 }
 
 /// The numbers of one step; `Step` in shaders/lib/step.wgsl says what they are.
@@ -124,6 +130,7 @@ pub(super) struct Radiance {
     pub(super) units: f32,
     pub(super) log2_side: u32,
     pub(super) vertices_per_m: f32,
+    pub(super) harmonics: u32,
 }
 
 /// A ray whose colour is compared.

@@ -23,6 +23,7 @@ const FILES: &[(&str, &str)] = &[
     wgsl!("lib/eye"),
     wgsl!("lib/field"),
     wgsl!("lib/gradients"),
+    wgsl!("lib/harmonics"),
     wgsl!("lib/interpolation"),
     wgsl!("lib/lattice"),
     wgsl!("lib/losses"),

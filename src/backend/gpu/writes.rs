@@ -74,6 +74,25 @@ impl<'a> Writes<'a> {
             sheet.parts.push(Part { record_words: N, pool, words });
         }
     }
+
+    /// Adds blocks of records of two words, as many in each, which lie block after block.
+    pub(super) fn add_pairs(
+        &mut self,
+        pool: &'a Pool,
+        blocks: impl Iterator<Item = (u32, Vec<[u32; 2]>)>,
+    ) {
+        let mut blocks = blocks.peekable();
+        let each = blocks.peek().map_or(0, |(_, pairs)| pairs.len() as u32);
+        if each.is_multiple_of(4) {
+            // By fours: less to tell of places.
+            let quads = blocks.flat_map(|(block, pairs)| {
+                let quads: Vec<[u32; 8]> = bytemuck::pod_collect_to_vec(&pairs);
+                (block * (each / 4)..).zip(quads)
+            });
+            return self.add(pool, quads);
+        }
+        self.add(pool, blocks.flat_map(|(block, pairs)| (block * each..).zip(pairs)));
+    }
 }
 
 impl Writer {

@@ -10,7 +10,8 @@ use super::tile::{lens, raster, shade};
 use super::{Camera, Channels, Job, RenderSettings, Renderer, Rendering, SamplePosition, heat};
 use super::{near, patch, render_with, unknown};
 use crate::backend::{
-    Adapters, Extent, GpuRenderer, GpuScene, NodeRecord, Planes, Rules, Shot, Times, Wanted,
+    Adapters, BlockRecord, Extent, GpuRenderer, GpuScene, NodeRecord, Planes, Rules, Shot, Times,
+    Wanted,
 };
 use crate::config::BackendChoice;
 use crate::error::{Error, Result};
@@ -18,7 +19,7 @@ use crate::map::language::Scorer;
 use crate::map::view::{
     BLOCKS, BRICKS, BrickPage, ColorPage, MapView, NODES, NodePage, ROWS, RowPage, Store,
 };
-use crate::modality::radiance::TexelSource;
+use crate::modality::radiance::{TexelSource, harmonics};
 use crate::surface::Lattice;
 
 /// Maps that are held on the GPU at a time; the one that was not drawn for longest gives way.
@@ -96,8 +97,7 @@ impl Painter {
         self.renderer.adapter()
     }
 
-    /// Draws a view, as [`super::render_with`] does; by rays, and colours that depend on the direction,
-    /// on the CPU. `None` if `interrupted`.
+    /// Draws a view, as [`super::render_with`] does; by rays on the CPU. `None` if `interrupted`.
     pub fn render(
         &mut self,
         subject: &Subject<'_>,
@@ -105,8 +105,7 @@ impl Painter {
         interrupted: &(dyn Fn() -> bool + Sync),
     ) -> Result<Painted> {
         let Subject { view, camera, channels, settings, text } = *subject;
-        let by_direction = channels.color && view.store.degree() > 0;
-        if settings.renderer == Renderer::Ray || by_direction {
+        if settings.renderer == Renderer::Ray {
             let image = render_with(view, camera, channels, settings, text, pool, interrupted);
             return Ok((image, Times::new()));
         }
@@ -190,7 +189,7 @@ impl Painter {
         self.renderer.write_nodes(scene, changed_nodes(store, before))?;
         self.renderer.write_rows(scene, changed_rows(store, before))?;
         self.renderer.write_bricks(scene, changed_bricks(store, before))?;
-        self.renderer.write_blocks(scene, store.band, changed_blocks(store, before))?;
+        self.renderer.write_blocks(scene, changed_blocks(store, before))?;
         if old.is_none_or(|old| !Arc::ptr_eq(&old.decoders, &view.decoders)) {
             self.renderer.write_decoder(scene, &view.decoders.sdf)?;
         }
@@ -230,6 +229,7 @@ fn extent(view: &MapView) -> Extent {
         surface_log2: Lattice::new(&view.config).surface(),
         cell_m: store.cell_m,
         band: store.band,
+        harmonics: harmonics(store.degree()),
         nodes: store.node_slots,
         rows: store.rows.len() * ROWS,
         bricks: store.bricks.len() * BRICKS,
@@ -319,18 +319,19 @@ fn changed_bricks<'a>(
 fn changed_blocks<'a>(
     new: &'a Store,
     old: Option<&'a Store>,
-) -> impl Iterator<Item = (u32, crate::backend::BlockRecord<'a>)> {
+) -> impl Iterator<Item = (u32, BlockRecord<'a>)> {
     let (vertices, blocks) = (new.band.vertices(), new.color_blocks);
-    let empty = Arc::new(ColorPage::default());
+    let width = vertices * harmonics(new.degree());
     new.colors.changed(old.map(|old| &old.colors)).flat_map(move |(at, page, before)| {
-        let empty = empty.clone();
         let here = blocks.saturating_sub(at * BLOCKS).min(BLOCKS);
         (0..here).filter_map(move |i| {
-            let texels = page.texels.get(i * vertices..(i + 1) * vertices)?;
-            let before = before.unwrap_or(&empty);
-            let is_same = page.uppers[i] == before.uppers[i]
-                && before.texels.get(i * vertices..(i + 1) * vertices) == Some(texels);
-            (!is_same).then_some(((at * BLOCKS + i) as u32, (&page.uppers[i], texels)))
+            let record = |page: &'a ColorPage| {
+                let texels = page.texels.get(i * vertices..(i + 1) * vertices)?;
+                let harmonics = page.harmonics.get(i * width..(i + 1) * width)?;
+                Some(BlockRecord { uppers: &page.uppers[i], texels, harmonics })
+            };
+            let block = record(page)?;
+            (before.and_then(record) != Some(block)).then_some(((at * BLOCKS + i) as u32, block))
         })
     })
 }

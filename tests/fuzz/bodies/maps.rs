@@ -5,11 +5,12 @@ use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
 use glam::{DQuat, Vec3};
+use orenx::config::Renderer;
 use orenx::error::Result;
 use orenx::frame::Frame;
 use orenx::geometry::{Intrinsics, Pose, Region};
 use orenx::map::{
-    Camera, Channels, Clear, Edit, Fields, MapView, RenderSettings, Renderer, query_pool, render,
+    Camera, Channels, Clear, Edit, Fields, MapView, RenderSettings, query_pool, render,
 };
 use orenx::service::{Local, NearestQuestion, SliceQuestion};
 use orenx::storage::{Mark, Summary, load_marked, load_view, save, save_marked};

@@ -47,7 +47,7 @@ fn with_harmonics(
 }
 
 /// A painted band with harmonics of some degree, uneven from vertex to vertex.
-fn shining(degree: u8) -> ColorField {
+pub(in crate::backend) fn shining(degree: u8) -> ColorField {
     let field = painted(stripes);
     let terms = crate::geometry::harmonics::terms(degree);
     let vertex = |row: usize| {

@@ -103,13 +103,17 @@ impl Radiance {
     ) -> Result<Option<Self>> {
         let Some(scale) = trained(config) else { return Ok(None) };
         let vertices = scale.vertices() as u64;
-        let block_bytes = BandMirror::block_bytes(scale) + ColorPools::block_bytes(vertices);
-        let most_bound = (gpu.most_bytes() / (16 * vertices)).saturating_sub(1);
+        let degree = config.radiance.degree;
+        let band = BandMirror::new(gpu, scale, degree)?;
+        let block_bytes =
+            BandMirror::block_bytes(scale, degree) + ColorPools::block_bytes(vertices);
+        let widest = 8 * band.terms().max(2);
+        let most_bound = (gpu.most_bytes() / (u64::from(widest) * vertices)).saturating_sub(1);
         let march = |fill| Kernel::new(gpu, "train/march", &march_constants(fill));
         let sharpen =
             config.radiance.sharpens.then(|| Kernel::new(gpu, "train/sharpen", &sdf.constants()));
         Ok(Some(Self {
-            band: BandMirror::new(gpu, scale)?,
+            band,
             rows: ColorPools::new(gpu, vertices)?,
             collector: ColorCollector::new(gpu, vertices as u32)?,
             draw: Kernel::new(gpu, "train/rays", &sampling::label_constants())?,
@@ -170,7 +174,7 @@ impl Radiance {
         let wanted = blocks.min(self.most_blocks);
         let ahead = (wanted + wanted / 2).min(self.most_blocks);
         let mut room = ahead;
-        for pool in self.band.pools().into_iter().chain(self.rows.pools()) {
+        for pool in self.band.pools().chain(self.rows.pools()) {
             // The lists hold one record more than there are blocks.
             if pool.capacity() <= wanted {
                 match pool.grow(gpu, ahead + 1) {
@@ -237,6 +241,7 @@ impl Radiance {
             units: units(rays),
             log2_side: scale.log2_side.into(),
             vertices_per_m: scale.side() as f32 / scale.cell_m,
+            harmonics: self.band.terms(),
         };
         gpu.write(&self.numbers, &[numbers]);
         Ok(())
@@ -368,6 +373,7 @@ impl Radiance {
             ("blocks", self.band.blocks.binding()),
             ("uppers", self.band.uppers.binding()),
             ("seen", self.band.seen.binding()),
+            ("harmonics", self.band.harmonics.binding()),
         ];
         buffers.extend(self.rows.buffers());
         buffers

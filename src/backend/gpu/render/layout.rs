@@ -22,6 +22,7 @@ pub(super) struct Scene {
     pub(super) fine_log2: u32,
     pub(super) largest_log2: u32,
     pub(super) cell_log2: u32,
+    pub(super) harmonics: u32,
 }
 
 /// A node as its pool holds it.

@@ -9,6 +9,7 @@ use super::super::pool::Pool;
 use super::layout;
 use crate::error::Result;
 use crate::modality::Row;
+use crate::modality::radiance::{Harmonic, Texel};
 use crate::octree::{BandScale, Cell, ChildLink, Root, Uppers};
 
 /// What a view has, and how it divides space.
@@ -22,6 +23,8 @@ pub struct Extent {
     /// Edge length of an evidence cell, m.
     pub cell_m: f32,
     pub band: BandScale,
+    /// Harmonics of a vertex of colour; none where colours do not depend on the direction.
+    pub harmonics: usize,
     /// Slots of nodes, rows, bricks of evidence and blocks of colour.
     pub nodes: usize,
     pub rows: usize,
@@ -43,6 +46,16 @@ pub struct NodeRecord {
     pub block: u32,
 }
 
+/// A block of colour as a view has it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BlockRecord<'a> {
+    /// Itself and its upper neighbours.
+    pub uppers: &'a Uppers,
+    pub texels: &'a [Texel],
+    /// Vertex by vertex; none where colours do not depend on the direction.
+    pub harmonics: &'a [Harmonic],
+}
+
 /// A map's buffers. What they hold is what was written through [`super::GpuRenderer`].
 #[derive(Debug)]
 pub struct GpuScene {
@@ -56,6 +69,8 @@ pub struct GpuScene {
     pub(super) bricks: Pool,
     pub(super) blocks: Pool,
     pub(super) texels: Pool,
+    /// Vertex by vertex, all of one before the next.
+    pub(super) harmonics: Pool,
     pub(super) weights: Pool,
     /// Near surfaces, and what is drawn of them.
     pub(super) leaves: Pool,
@@ -84,6 +99,7 @@ impl GpuScene {
             bricks: Pool::new(gpu, "drawn bricks", 64)?,
             blocks: Pool::new(gpu, "drawn blocks", 32)?,
             texels: Pool::new(gpu, "drawn texels", 8)?,
+            harmonics: Pool::new(gpu, "drawn harmonics", 8)?,
             weights: Pool::new(gpu, "drawn decoder", 16)?,
             leaves: Pool::new(gpu, "leaves", size_of::<layout::Cube>() as u64)?,
             leaf_corners: Pool::new(gpu, "corners of leaves", 128)?,
@@ -109,7 +125,9 @@ impl GpuScene {
         }
         self.bricks.grow_ahead(gpu, extent.bricks as u64)?;
         self.blocks.grow_ahead(gpu, extent.blocks as u64)?;
-        self.texels.grow_ahead(gpu, (extent.blocks * extent.band.vertices()) as u64)
+        let vertices = (extent.blocks * extent.band.vertices()) as u64;
+        self.texels.grow_ahead(gpu, vertices)?;
+        self.harmonics.grow_ahead(gpu, vertices * extent.harmonics as u64)
     }
 
     /// Makes room for listed leaves.
@@ -151,6 +169,7 @@ impl GpuScene {
             ("bricks", self.bricks.binding()),
             ("blocks", self.blocks.binding()),
             ("texels", self.texels.binding()),
+            ("harmonics", self.harmonics.binding()),
             ("weights", self.weights.binding()),
             ("leaves", self.leaves.binding()),
             ("leaf_corners", self.leaf_corners.binding()),
@@ -184,6 +203,3 @@ impl NodeRecord {
 pub(super) fn feature_words(row: &Row) -> [u32; 8] {
     bytemuck::cast(row.features.sdf)
 }
-
-/// The upper neighbours of a block, and its vertices.
-pub type BlockRecord<'a> = (&'a Uppers, &'a [crate::modality::radiance::Texel]);

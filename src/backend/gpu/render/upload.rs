@@ -1,5 +1,6 @@
 //! What a view's change takes to the GPU, and what is worked out of it there.
 
+use super::super::layout::harmonic_words;
 use super::super::passes::Passes;
 use super::super::writes::Writes;
 use super::scene::{BlockRecord, Extent, GpuScene, NodeRecord, feature_words};
@@ -8,11 +9,12 @@ use crate::error::Result;
 use crate::modality::Row;
 use crate::modality::decoder::Decoder;
 use crate::modality::density::FAR;
-use crate::octree::BandScale;
 use crate::surface::Known;
 
-/// Records that are uploaded together.
+/// Records that are uploaded together, ...
 const BATCH: usize = 1 << 15;
+/// ... fewer where they are long.
+const BATCH_WORDS: usize = 1 << 22;
 /// Most workgroups of a pass; they loop.
 const GROUPS: u32 = 1 << 14;
 
@@ -77,28 +79,18 @@ impl GpuRenderer {
     pub fn write_blocks<'a>(
         &self,
         scene: &GpuScene,
-        band: BandScale,
         blocks: impl Iterator<Item = (u32, BlockRecord<'a>)>,
     ) -> Result<()> {
-        let vertices = band.vertices() as u32;
-        self.in_batches(blocks, |batch, writes| {
-            writes.add(&scene.blocks, batch.iter().map(|(id, (uppers, _))| (*id, **uppers)));
-            let words = |(_, (_, texels)): &'_ (u32, BlockRecord<'a>)| -> &'a [[u32; 2]] {
-                bytemuck::cast_slice(texels)
-            };
-            if vertices == 1 {
-                let single = |record| words(record).first().copied().unwrap_or_default();
-                writes.add(&scene.texels, batch.iter().map(|r| (r.0, single(r))));
-                return;
-            }
-            // Eight vertices or more: four a record.
-            let quads = batch.iter().flat_map(|record| {
-                let first = record.0 * (vertices / 4);
-                let quads = words(record).as_chunks::<4>().0;
-                let words = |quad: &[[u32; 2]; 4]| -> [u32; 8] { bytemuck::cast(*quad) };
-                (first..).zip(quads.iter().map(words))
-            });
-            writes.add(&scene.texels, quads);
+        let mut blocks = blocks.peekable();
+        let words = |block: &BlockRecord<'_>| 2 * (block.texels.len() + block.harmonics.len());
+        let most = blocks.peek().map_or(1, |(_, first)| BATCH_WORDS / words(first).max(1));
+        self.in_batches_of(most.clamp(1, BATCH), blocks, |batch, writes| {
+            let each = || batch.iter();
+            writes.add(&scene.blocks, each().map(|(id, block)| (*id, *block.uppers)));
+            let texels = |block: &BlockRecord<'_>| bytemuck::pod_collect_to_vec(block.texels);
+            writes.add_pairs(&scene.texels, each().map(|(id, block)| (*id, texels(block))));
+            let harmonics = |block: &BlockRecord<'_>| harmonic_words(block.harmonics);
+            writes.add_pairs(&scene.harmonics, each().map(|(id, block)| (*id, harmonics(block))));
         })
     }
 
@@ -173,18 +165,28 @@ impl GpuRenderer {
             fine_log2,
             largest_log2: u32::from(extent.surface_log2) + fine_log2,
             cell_log2,
+            harmonics: extent.harmonics as u32,
         }
     }
 
-    /// Hands records on in batches, each uploaded before the next one is put together.
     fn in_batches<'p, T>(
         &self,
         records: impl Iterator<Item = T>,
         add: impl for<'w> Fn(&'w [T], &mut Writes<'p>),
     ) -> Result<()> {
+        self.in_batches_of(BATCH, records, add)
+    }
+
+    /// Hands records on in batches of `most`, each uploaded before the next one is put together.
+    fn in_batches_of<'p, T>(
+        &self,
+        most: usize,
+        records: impl Iterator<Item = T>,
+        add: impl for<'w> Fn(&'w [T], &mut Writes<'p>),
+    ) -> Result<()> {
         let mut records = records.peekable();
         while records.peek().is_some() {
-            let batch: Vec<T> = records.by_ref().take(BATCH).collect();
+            let batch: Vec<T> = records.by_ref().take(most).collect();
             let mut writes = Writes::default();
             add(&batch, &mut writes);
             let mut passes = Passes::new(&self.gpu, None);

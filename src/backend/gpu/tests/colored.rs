@@ -10,6 +10,7 @@ use crate::backend::cpu::radiance::tests as color_twin;
 use crate::backend::gpu::layout::Ray;
 use crate::backend::{CpuBackend, RadianceParameters};
 use crate::dataset::synthetic::Synthetic;
+use crate::modality::radiance::{Harmonic, harmonics, write_harmonics};
 use crate::octree::{NO_BLOCK, Uppers};
 use crate::surface::SeenColor;
 use crate::train::{ColorRay, KeyFrame, RayPlan, draw_colors};
@@ -39,6 +40,18 @@ fn assert_band_is_copied(gpu: &GpuBackend, world: &World) {
         any += usize::from(weight > 0.0);
     }
     assert!(any > 1000, "{any} vertices seen");
+    let width = harmonics(2);
+    let harmonics = &radiance.band.harmonics.buffer;
+    let harmonics = gpu.gpu.read::<[i16; 4]>(harmonics, rows * width).expect("harmonics");
+    let mut any = 0;
+    for (row, found) in harmonics.chunks(width).enumerate() {
+        let mut expected = vec![Harmonic::default(); width];
+        write_harmonics(field.harmonics(row as u32), &mut expected);
+        let found: Vec<Harmonic> = found.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
+        assert_eq!(found, expected, "vertex {row}");
+        any += usize::from(found.iter().any(|term| *term != [0; 3]));
+    }
+    assert!(any > 100, "{any} vertices with harmonics");
     let slots = radiance.band.blocks.capacity() as usize;
     let table = gpu.gpu.read::<[i32; 4]>(&radiance.band.blocks.buffer, slots).expect("a table");
     let mut cells: Vec<_> = table.iter().filter(|entry| entry[3] > 0).collect();
@@ -52,7 +65,10 @@ fn assert_band_is_copied(gpu: &GpuBackend, world: &World) {
 #[test]
 fn rays_are_drawn_and_the_band_is_copied_as_on_the_host() {
     let data = Synthetic::room(60).with_width(160);
-    let mut world = World::of(config(Profile::Lite));
+    let mut config = config(Profile::Lite, 2);
+    // So coarse that vertices have had pixels enough for harmonics.
+    config.radiance.log2_side = 1;
+    let mut world = World::of(config);
     let backend = || GpuBackend::new(&world.config, Adapters::Any, 1024).expect("an adapter");
     let (mut gpu, mut late) = (backend(), backend());
     for index in 0..5 {
@@ -100,7 +116,7 @@ fn rays_are_drawn_and_the_band_is_copied_as_on_the_host() {
 #[test]
 fn work_with_colours_is_that_of_the_cpu() {
     let data = Synthetic::room(60).with_width(160);
-    let mut world = World::of(config(Profile::Lite));
+    let mut world = World::of(config(Profile::Lite, 1));
     // Distances that learn from colours may part by a rate a step where little light gets to; what
     // they should learn is compared elsewhere.
     world.config.radiance.sharpens = false;

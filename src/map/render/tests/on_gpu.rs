@@ -6,6 +6,7 @@ use crate::config::BackendChoice;
 use crate::dataset::Dataset;
 use crate::dataset::synthetic::Synthetic;
 use crate::map::Mapper;
+use crate::map::view::BLOCKS;
 
 /// What two images may differ by: a GPU's exponential and its products differ in the last bits, and
 /// so does on which side of an edge a ray passes. Software Vulkan: 67 dB and more, 0.001 mm.
@@ -184,9 +185,11 @@ fn a_tile_of_thousands_of_cubes_is_drawn_in_order() {
 
 #[test]
 fn what_changes_from_epoch_to_epoch_is_drawn() {
-    let (mut mapper, cameras) = mapped(Profile::Lite, 2);
+    let settings = MapSettings { color_degree: 1, color_spacing_m: 0.1, ..MapSettings::default() };
+    let (mut mapper, cameras) = mapped_with(settings, 2);
     let room = Synthetic::room(60).with_width(96);
     let mut following = painter();
+    let mut harmonics = 0;
     let before = paint(&mut following, &mapper.publish_all().expect("a view"), &cameras[1]);
     for index in 2..5 {
         mapper.integrate(&room.load(index, true).expect("a frame")).expect("integrated");
@@ -196,18 +199,62 @@ fn what_changes_from_epoch_to_epoch_is_drawn() {
         // One that is told all at once draws the same, bit for bit.
         assert!(paint(&mut painter(), &view, &cameras[1]) == image, "epoch {index}");
         assert!(image != before);
+        let known = known_harmonics(&view);
+        assert!(known > harmonics, "{known} and {harmonics} of them");
+        harmonics = known;
     }
 }
 
+/// How many harmonics of vertices are other than 0.
+fn known_harmonics(view: &MapView) -> usize {
+    let pages = 0..view.store.color_blocks.div_ceil(BLOCKS);
+    let of_page = |page| view.store.colors.page(page).harmonics.iter();
+    pages.flat_map(of_page).filter(|term| **term != [0; 3]).count()
+}
+
+/// A view of which harmonics alone are others: some for every vertex, in all terms.
+fn with_other_harmonics(view: &MapView) -> Arc<MapView> {
+    let mut store = view.store.clone();
+    for page in 0..store.color_blocks.div_ceil(BLOCKS) {
+        let terms = store.colors.write(page).harmonics.as_flattened_mut();
+        terms.iter_mut().enumerate().for_each(|(i, term)| {
+            *term = ((i + 7 * page) as i32 * 7919 % 11999) as i16 - 5999;
+        });
+    }
+    Arc::new(MapView {
+        epoch: view.epoch + 1,
+        newest_stamp_ns: view.newest_stamp_ns,
+        config: view.config.clone(),
+        decoders: view.decoders.clone(),
+        store,
+        viewpoints: view.viewpoints.clone(),
+    })
+}
+
 #[test]
-fn colours_that_depend_on_the_direction_are_drawn_by_the_cpu() {
-    let settings = MapSettings { color_degree: 1, ..MapSettings::default() };
-    let (mut mapper, cameras) = mapped_with(settings, 3);
-    let view = mapper.publish_all().expect("a view");
+fn colours_that_depend_on_the_direction_are_those_of_the_cpu() {
     let mut painter = painter();
-    let image = paint(&mut painter, &view, &cameras[1]);
-    assert!(image == draw(&view, &cameras[1], Renderer::Tile), "bit for bit");
-    assert_eq!(painter.held(), 0, "the GPU was not told of it");
+    let cpu = |view: &Arc<MapView>, camera: &Camera| draw(view, camera, Renderer::Tile);
+    for (color_degree, color_spacing_m) in [(1, 0.025), (2, 0.1), (2, 0.05), (3, 0.025)] {
+        let settings = MapSettings { color_degree, color_spacing_m, ..MapSettings::default() };
+        let (mut mapper, cameras) = mapped_with(settings, 4);
+        let view = mapper.publish_all().expect("a view");
+        let shown = cpu(&view, &cameras[1]);
+        let image = paint(&mut painter, &view, &cameras[1]);
+        assert_same(&format!("degree {color_degree}"), &image, &shown);
+        // The next epoch has other harmonics, and nothing else that is new.
+        let next = with_other_harmonics(&view);
+        let after = cpu(&next, &cameras[1]);
+        let change = apart(&after, &shown);
+        assert!(
+            change.psnr_db < PSNR_DB - 20.0 && change.depth_m == 0.0,
+            "they matter: {change:?}"
+        );
+        let image = paint(&mut painter, &next, &cameras[1]);
+        assert_same(&format!("degree {color_degree}, others"), &image, &after);
+        // One that is told all at once draws the same, bit for bit.
+        assert!(paint(&mut self::painter(), &next, &cameras[1]) == image, "degree {color_degree}");
+    }
 }
 
 #[test]

@@ -79,7 +79,8 @@ fn structs_lie_as_the_hosts() {
         cube_room,
         fine_log2,
         largest_log2,
-        cell_log2
+        cell_log2,
+        harmonics
     );
     same!(Node, "render/list", low, size, brick, block, padding);
     same!(Cube, "render/list", low, log2_size, host_low, host_log2, block, padding, more_padding);
@@ -111,7 +112,7 @@ fn structs_lie_as_the_hosts() {
 /// What shaders have as numbers of their own.
 #[test]
 fn constants_are_the_hosts() {
-    use crate::modality::radiance::Texel;
+    use crate::modality::radiance::{HARMONIC_SCALE, Texel};
     use naga::{Expression, Literal};
 
     let module = parsed("render/draw");
@@ -125,6 +126,7 @@ fn constants_are_the_hosts() {
         }
     };
     assert_eq!(value("PIXELS"), f64::from(super::PIXELS));
+    assert_eq!(value("HARMONIC_STEPS"), f64::from(HARMONIC_SCALE));
     // One unit of a logit.
     let words: [u32; 2] = bytemuck::cast(Texel::new(Some(glam::Vec3::ONE), None));
     assert_eq!(value("LOGIT_STEPS"), f64::from(words[0] & 0xffff));
