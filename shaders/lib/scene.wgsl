@@ -52,6 +52,7 @@ struct Cube {
   host_low: vec3i,
   host_log2: u32,
   block: u32,
-  padding: u32,
-  more_padding: vec2u,
+  // The leaf that says its distance; NONE for a cell of the relief.
+  leaf: u32,
+  padding: vec2u,
 }

@@ -18,15 +18,16 @@
 @group(0) @binding(4) var<storage, read_write> entries: array<vec2u>;
 @group(0) @binding(5) var<storage, read> spans: array<vec4u>;
 @group(0) @binding(6) var<storage, read> cubes: array<Cube>;
-@group(0) @binding(7) var<storage, read> cube_corners: array<vec4f>;
+@group(0) @binding(7) var<storage, read> cell_corners: array<array<f32, 8>>;
 @group(0) @binding(8) var<storage, read> links: array<u32>;
 @group(0) @binding(9) var<storage, read> corners: array<array<u32, 8>>;
 @group(0) @binding(10) var<storage, read> nodes: array<Node>;
 @group(0) @binding(11) var<storage, read> blocks: array<u32>;
 @group(0) @binding(12) var<storage, read> texels: array<vec2u>;
 @group(0) @binding(13) var<storage, read> harmonics: array<vec2u>;
+@group(0) @binding(14) var<storage, read> leaf_corners: array<vec4f>;
 // Plane after plane, as `view` says.
-@group(0) @binding(14) var<storage, read_write> image: array<f32>;
+@group(0) @binding(15) var<storage, read_write> image: array<f32>;
 
 const PIXELS = 256u;
 // Cubes of a tile that are sorted in workgroup memory; more are sorted where they lie.
@@ -148,7 +149,13 @@ fn sorted(first: u32, i: u32) -> u32 {
 fn read_batch(t: u32, first: u32, base: u32) {
   let corner = base + t / 8u;
   if corner < count {
-    read_corners[t] = cube_corners[8u * sorted(first, corner) + t % 8u];
+    let id = sorted(first, corner);
+    let leaf = cubes[id].leaf;
+    if leaf == NONE {
+      read_corners[t] = vec4f(cell_corners[id][t % 8u], 0.0, 0.0, 0.0);
+    } else {
+      read_corners[t] = leaf_corners[8u * leaf + t % 8u];
+    }
   }
   if t < BATCH && base + t < count {
     let id = sorted(first, base + t);

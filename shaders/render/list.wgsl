@@ -50,7 +50,7 @@ fn add(id: u32, node: Node, low: vec3i, log2_size: u32) {
     node.low << fine,
     host_log2 + fine.x,
     node.block,
-    0u,
+    index,
     vec2u(0u),
   );
   let lever = GRADIENT_SHARE * edge_m(host_log2);

@@ -12,7 +12,8 @@
 @group(0) @binding(4) var<storage, read> blocks: array<u32>;
 @group(0) @binding(5) var<storage, read> texels: array<vec2u>;
 @group(0) @binding(6) var<storage, read_write> cubes: array<Cube>;
-@group(0) @binding(7) var<storage, read_write> cube_corners: array<vec4f>;
+// Distances at the corners of cells, eight a cube; of no meaning for cubes that a leaf speaks for.
+@group(0) @binding(7) var<storage, read_write> cell_corners: array<array<f32, 8>>;
 // How many there are, also those that found no room.
 @group(0) @binding(8) var<storage, read_write> listed: atomic<u32>;
 
@@ -104,9 +105,6 @@ fn add_part(leaf: u32, low: vec3i, log2_size: u32) {
   cubes[index] = leaves[leaf];
   cubes[index].low = low;
   cubes[index].log2_size = log2_size;
-  for (var k = 0u; k < 8u; k += 1u) {
-    cube_corners[8u * index + k] = leaf_corners[8u * leaf + k];
-  }
 }
 
 // The cell in hand, some corners of which are known.
@@ -117,7 +115,7 @@ fn add_cell(leaf: u32, low: vec3i) {
   }
   let cube = leaves[leaf];
   let log2_size = scene.cell_log2;
-  cubes[index] = Cube(low, log2_size, low, log2_size, cube.block, 0u, vec2u(0u));
+  cubes[index] = Cube(low, log2_size, low, log2_size, cube.block, NONE, vec2u(0u));
   let host_size = f32(1u << cube.host_log2);
   for (var k = 0u; k < 8u; k += 1u) {
     var distance = told[k].x;
@@ -125,7 +123,7 @@ fn add_cell(leaf: u32, low: vec3i) {
       let at = low - cube.host_low + (vec3i(corner_bits(k)) << vec3u(log2_size));
       distance = bounded(leaf_at(leaf, vec3f(at) / host_size), k);
     }
-    cube_corners[8u * index + k] = vec4f(distance, 0.0, 0.0, 0.0);
+    cell_corners[index][k] = distance;
   }
 }
 

@@ -295,14 +295,13 @@ impl Mapper {
         let rays = (f64::from(config.rays_per_step) * share).round() as u32;
         let trained = self.stats.frames > COLORS_FROM_FRAME && self.config.has("radiance");
         let hardened = (self.stats.steps as f32 / HARDENING_STEPS).min(1.0);
-        let [soft, hard] = SHARPNESS;
         (trained && rays > 0).then_some(RadianceParameters {
             rays,
             renderer: config.renderer,
             rate: config.learning_rate * rate,
             sharpness: match self.config.prior {
-                Prior::Closed => hard,
-                Prior::Learned => soft + (hard - soft) * hardened,
+                Prior::Closed => SHARPNESS[1],
+                Prior::Learned => SHARPNESS[0] + (SHARPNESS[1] - SHARPNESS[0]) * hardened,
             },
             weight: config.weight,
             sharpens: config.sharpens,

@@ -45,8 +45,8 @@ pub(super) struct Cube {
     pub(super) host_low: [i32; 3],
     pub(super) host_log2: u32,
     pub(super) block: u32,
-    pub(super) padding: u32,
-    pub(super) more_padding: [u32; 2],
+    pub(super) leaf: u32,
+    pub(super) padding: [u32; 2],
 }
 
 /// A camera and its image; `View` in shaders/lib/view.wgsl says what it holds.

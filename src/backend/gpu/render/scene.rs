@@ -76,7 +76,7 @@ pub struct GpuScene {
     pub(super) leaves: Pool,
     pub(super) leaf_corners: Pool,
     pub(super) cubes: Pool,
-    pub(super) cube_corners: Pool,
+    pub(super) cell_corners: Pool,
     /// How many leaves and cubes the lists have, on the GPU.
     pub(super) listed_leaves: wgpu::Buffer,
     pub(super) listed: wgpu::Buffer,
@@ -104,7 +104,7 @@ impl GpuScene {
             leaves: Pool::new(gpu, "leaves", size_of::<layout::Cube>() as u64)?,
             leaf_corners: Pool::new(gpu, "corners of leaves", 128)?,
             cubes: Pool::new(gpu, "cubes", size_of::<layout::Cube>() as u64)?,
-            cube_corners: Pool::new(gpu, "corners of cubes", 128)?,
+            cell_corners: Pool::new(gpu, "corners of cells", 32)?,
             listed_leaves: gpu.buffer("listed leaves", 4)?,
             listed: gpu.buffer("listed cubes", 4)?,
             numbers: gpu.buffer("scene", size_of::<layout::Scene>() as u64)?,
@@ -139,7 +139,7 @@ impl GpuScene {
     /// Makes room for listed cubes.
     pub(super) fn reserve_cubes(&mut self, gpu: &Gpu, cubes: u64) -> Result<()> {
         self.cubes.grow_ahead(gpu, cubes)?;
-        self.cube_corners.grow_ahead(gpu, cubes)
+        self.cell_corners.grow_ahead(gpu, cubes)
     }
 
     /// The octree's part of the numbers that its kernels share with those of training.
@@ -175,7 +175,7 @@ impl GpuScene {
             ("leaf_corners", self.leaf_corners.binding()),
             ("listed_leaves", self.listed_leaves.as_entire_binding()),
             ("cubes", self.cubes.binding()),
-            ("cube_corners", self.cube_corners.binding()),
+            ("cell_corners", self.cell_corners.binding()),
             ("listed", self.listed.as_entire_binding()),
         ]
     }

@@ -83,7 +83,7 @@ fn structs_lie_as_the_hosts() {
         harmonics
     );
     same!(Node, "render/list", low, size, brick, block, padding);
-    same!(Cube, "render/list", low, log2_size, host_low, host_log2, block, padding, more_padding);
+    same!(Cube, "render/list", low, log2_size, host_low, host_log2, block, leaf, padding);
     same!(
         View,
         "render/draw",
