@@ -225,19 +225,21 @@ impl ColorField {
     /// Forgets the colours of surfaces that are gone.
     pub(super) fn forget(&mut self, lost: &Lost) {
         for (block, rows) in lost.rows(&self.band) {
-            for row in rows {
-                if let Some(by) = &mut self.by_direction {
-                    by.forget(row);
-                }
-                // Vertices of blocks that no frame has finished are beyond the end.
-                if let Some(seen) = self.seen.get_mut(row as usize) {
-                    *seen = SeenColor::default();
-                }
-            }
+            rows.into_iter().for_each(|row| self.forget_vertex(row));
             if let Some(relief) = &mut self.relief {
                 relief.forget(&self.band, block);
             }
             self.changed.push(block);
+        }
+    }
+
+    fn forget_vertex(&mut self, row: u32) {
+        if let Some(by) = &mut self.by_direction {
+            by.forget(row);
+        }
+        // Vertices of blocks that no frame has finished are beyond the end.
+        if let Some(seen) = self.seen.get_mut(row as usize) {
+            *seen = SeenColor::default();
         }
     }
 
@@ -474,7 +476,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_painted_looks_alike_from_all_sides() {
+    fn what_is_forgotten_or_painted_keeps_nothing_that_depends_on_the_direction() {
         let (mut field, frame) = (field().with_degree(2), wall(COLORS, 1.0));
         field.integrate(&frame, 1);
         let place = SCALE.place(frame.world_point(30, 60, 2.0));
@@ -484,9 +486,12 @@ mod tests {
         let state = ColorState { by_direction: by_direction.into(), ..field.state() };
         let mut field = ColorField::new(SCALE, 1, Some(3)).with_degree(2);
         field = field.with_state(state).expect("fits together");
-        assert!(rows.iter().any(|row| field.harmonics(*row).is_some()), "it shines");
+        let shines = |field: &ColorField| rows.map(|row| field.harmonics(row).is_some());
+        assert_eq!(shines(&field), [true; 8]);
+        field.forget_vertex(rows[0]);
+        assert_eq!(shines(&field)[..2], [false, true]);
         field.paint(SCALE.point(&place), Vec3::from(COLORS[1]));
-        assert!(rows.iter().all(|row| field.harmonics(*row).is_none()));
+        assert_eq!(shines(&field), [false; 8]);
     }
 
     #[test]

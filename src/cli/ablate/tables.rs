@@ -62,6 +62,7 @@ impl Variant {
 }
 
 /// A map that was made and judged.
+#[derive(Clone)]
 struct Made {
     view: std::sync::Arc<MapView>,
     field: Option<FieldErrors>,
@@ -248,7 +249,6 @@ impl<'a> Study<'a> {
             let Some(values) = self.images(novel, &name, &made, settings)? else { return Ok(None) };
             rows.push(Row::new(&name, values));
         }
-        self.usual = Some(made);
         Ok(Some(Table {
             file: "sample",
             title: "Where a ray takes its colour",
@@ -281,9 +281,6 @@ impl<'a> Study<'a> {
                 values.extend([near, made.frames_per_second]);
                 rows.push(Row::new(&name, values));
             }
-            if compares.is_none() {
-                self.usual = Some(made);
-            }
         }
         let mut columns = image_columns();
         columns.extend([
@@ -302,12 +299,13 @@ impl<'a> Study<'a> {
         }))
     }
 
-    /// The map of [`Variant::USUAL`]; whoever takes it gives it back for the next.
+    /// The map of [`Variant::USUAL`], made once.
     fn usual(&mut self) -> Result<Made> {
-        match self.usual.take() {
-            Some(made) => Ok(made),
-            None => self.make("every modality", Variant::USUAL, None),
-        }
+        let made = match &self.usual {
+            Some(made) => made.clone(),
+            None => self.make("every modality", Variant::USUAL, None)?,
+        };
+        Ok(self.usual.insert(made).clone())
     }
 
     /// Errors of the unseen views; nothing where there is no view to judge.

@@ -46,13 +46,14 @@ fn with_harmonics(
     field.with_state(state).expect("blocks and vertices")
 }
 
-/// A painted band with harmonics of some degree, uneven from vertex to vertex.
+/// A painted band with harmonics of some degree, uneven from vertex to vertex, and so strong that they
+/// take colours out of 0..1.
 pub(in crate::backend) fn shining(degree: u8) -> ColorField {
     let field = painted(stripes);
     let terms = crate::geometry::harmonics::terms(degree);
     let vertex = |row: usize| {
         let mean = [0.1, -0.2, -0.9, 1.0].into_iter();
-        mean.chain((0..3 * terms).map(move |i| 0.12 * random(row as u32, i)[0]))
+        mean.chain((0..3 * terms).map(move |i| 0.8 * random(row as u32, i)[0]))
     };
     let by_direction = (0..field.band.rows()).flat_map(vertex).collect();
     with_harmonics(degree, field.band.cells(), field.seen().to_vec(), by_direction)
